@@ -1,4 +1,4 @@
-"""Clips on disk: upright frames with their times, pieces written whole, and pieces joined.
+"""Read clips as upright frames with their times; write pieces of clips, and join them.
 
 PyAV reads mp4, mov, webm, mkv, avi, gif and more; see pyav.CONTAINERS.
 """
@@ -25,28 +25,28 @@ from anyprobe.video.pyav import STILL, known_interface, open_video, pyav
 
 CODEC = "libx264"
 QUALITY = {"crf": "18", "preset": "veryfast", "bf": "0"}
-"""Without frames that are stored before earlier ones, whose times of storing would run into the piece before."""
+"""Without B-frames: their decoding times would overlap the piece before."""
 BT709 = {"colorspace": 1, "color_primaries": 1, "color_trc": 1, "color_range": 1}
-"""The file's colours by the numbers of ITU-T H.273; players guess where it declares none."""
+"""Colours that the file declares, as code points of ITU-T H.273; without them players guess."""
 TIME_BASE = Fraction(1, 90_000)
 STILLS = ("mjpeg", "png", "bmp", "webp", "tiff")
-"""Codecs of covers, which some files do not mark as such."""
+"""Codecs of cover pictures, which some files do not mark as such."""
 SHORTAGES = (errno.EAGAIN, errno.ENOMEM, errno.EMFILE, errno.ENFILE)
-"""Numbers of errors that come from the system and not from a file."""
+"""Error numbers of the system rather than of a file."""
 LEAST_STEP_S = 1e-3
-"""Two frames are never taken for closer; some files repeat a time."""
+"""Least time between two frames; some files repeat a time."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Frame:
-    """One picture; all of a clip have the size of its first.
+    """One picture of a clip, of the size of its first one.
 
-    index: as they are decoded, from 0. time_s: since the first. rgb: [H, W, 3] uint8, upright, square pixels, sRGB.
+    index: in decoding order, from 0. time_s: since the first. rgb: [H, W, 3] uint8, upright, square pixels, sRGB.
     radiance: [H, W, 3] float32 of PQ and HLG, see frame_pixels.shown_pixels. alpha: [H, W] float32 in [0, 1]; None
-    where all is opaque. note: a line on its size, of the first one of another.
+    where all is opaque. note: a line about the size of the first frame of another.
 
     Raises:
-        InvalidPhoto: other pixels.
+        InvalidPhoto: pixels of another shape or type.
     """
 
     index: int
@@ -67,9 +67,9 @@ class Frame:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Clip:
-    """Header of a file; num_frames is 0 where it is not given, and may be a little wrong.
+    """Header of a file; num_frames is 0 where the file does not state it, and may be slightly wrong.
 
-    stream: which of the file's streams is the clip. warnings: lines on what was left out.
+    stream: which of the file's streams is the clip. warnings: lines about what was left out.
     """
 
     path: Path
@@ -81,10 +81,10 @@ class Clip:
 
 @known_interface()
 def open_clip(path: Path) -> Clip:
-    """Look at a video's header.
+    """Read a video's header.
 
     Raises:
-        InputError: absent, or not a video. MissingExtra: PyAV is not installed. AnyprobeError: it is another version.
+        InputError: absent, or not a video. MissingExtra: PyAV is not installed. AnyprobeError: its version is unknown.
     """
     av = pyav()
     if not path.is_file():
@@ -115,13 +115,13 @@ def open_clip(path: Path) -> Clip:
 
 
 def _pictures():
-    """Dispositions of streams that are pictures beside the clip."""
+    """Dispositions of streams that hold pictures other than the clip."""
     kinds = pyav().stream.Disposition
     return kinds.attached_pic | kinds.timed_thumbnails | kinds.still_image
 
 
 def _rank(stream) -> tuple[bool, bool, int, int]:
-    """Return a stream's rank; the clip is the highest: moving, the file's default, the largest, the first."""
+    """Return a stream's rank; the highest is the clip: moving, the file's default, the largest, the first."""
     context = stream.codec_context
     if context is None:
         return False, False, 0, -stream.index
@@ -149,19 +149,19 @@ def _unreadable(path: Path, error: Exception) -> InputError:
 def read_frames(clip: Clip, damaged: list[int]) -> Generator[Frame, None, None]:
     """Yield all frames in order, turned upright by the file's rotation, in square pixels of sRGB, without interlacing.
 
-    Where they change their size or turn midway they are fitted into that of the first, with black bars.
+    Frames of another size, or turned midway, are fitted into the size of the first, with black bars.
 
-    Packets that cannot be decoded are left out; damaged gets the index of the frame before which each
-    was. A file that is cut off ends early.
+    Packets that cannot be decoded are left out; for each, `damaged` gets the index of the next
+    frame. A truncated file ends early.
 
     Raises:
-        InputError: not one picture can be decoded, because of its codec, say. AnyprobeError: PyAV is another version.
+        InputError: no picture can be decoded, for want of a codec say. AnyprobeError: an unknown version of PyAV.
     """
     av = pyav()
     index, first_s, last_s = 0, None, -1.0
     size: tuple[int, int] | None = None
     sizes: set[tuple[int, int]] = set()
-    with known_interface(), open_video(clip.path) as container:  # open_clip has seen that it can be
+    with known_interface(), open_video(clip.path) as container:  # open_clip has checked that it can be
         stream = next(one for one in container.streams.video if one.index == clip.stream)
         stream.thread_type = "AUTO"
         packets, progressive = container.demux(stream), Progressive()
@@ -206,17 +206,17 @@ def _resized(path: Path, index: int, own: tuple[int, int], size: tuple[int, int]
 
 
 def clip_size(clip: Clip) -> tuple[int, int]:
-    """Width and height of the first frame as it is shown, pixels; 0, 0 where none can be decoded."""
+    """Return width and height of the first frame as shown [pixels]; 0, 0 if none can be decoded."""
     frame = next(read_frames(clip, []), None)
     return (0, 0) if frame is None else (frame.rgb.shape[1], frame.rgb.shape[0])
 
 
 @contextmanager
 def _written(path: Path) -> Iterator[Any]:
-    """Open an FFmpeg file to write to, kept whole or not at all.
+    """Open a file for FFmpeg to write, which is kept only if it is complete.
 
     Raises:
-        OutputError: this build of FFmpeg cannot write it. AnyprobeError: PyAV is another version.
+        OutputError: this build of FFmpeg cannot write it. AnyprobeError: an unknown version of PyAV.
     """
     av = pyav()
     try:
@@ -233,10 +233,10 @@ def _written(path: Path) -> Iterator[Any]:
 
 
 def write_piece(path: Path, frames: Sequence[tuple[float, np.ndarray]]) -> None:
-    """Write frames (time_s, [H, W, 3] uint8) as one H.264 file, whole or not at all.
+    """Write frames (time_s, [H, W, 3] uint8) as one H.264 file, kept only if it is complete.
 
-    Odd sizes lose a row or a column, which the codec asks for. Every piece starts anew, so that
-    pieces written one after another are the same bytes whenever that was.
+    The codec needs even sizes: odd ones lose a row or a column. Each piece is encoded by itself, so its bytes do
+    not depend on the pieces before.
     """
     av = pyav()
     height, width = (n // 2 * 2 for n in frames[0][1].shape[:2])
@@ -257,7 +257,7 @@ def write_piece(path: Path, frames: Sequence[tuple[float, np.ndarray]]) -> None:
 
 
 def join_pieces(path: Path, pieces: Sequence[Path]) -> None:
-    """Put pieces behind each other without encoding them again; their times already follow each other."""
+    """Join pieces without encoding them again; their times already follow each other."""
     with _written(path) as out:
         target = None
         for piece in pieces:

@@ -1,5 +1,5 @@
-"""The object's mask from frame to frame: from a folder, a clip's transparency, or found once and moved with the object
-(video.held_mask)."""
+"""Follow the object's mask from frame to frame: from a folder, from a clip's transparency, or found once and moved with
+the object (video.held_mask)."""
 
 from __future__ import annotations
 
@@ -30,28 +30,27 @@ from anyprobe.video.clip import Frame
 from anyprobe.video.held_mask import EVERY, EVERY_SURE, MOST_CHANGE, Held, follow, found_in, hold, lit_mask, mask_in
 
 GROWTH = 0.08
-"""The box prompt is the last mask's, grown by this share on every side."""
+"""Share by which the last mask's box is grown on each side to be the next prompt."""
 
 ODD = 2
 """Frames after a lost object during which the picture before the loss is tried first."""
 
 
 COARSE_PX = 128
-"""Longer side of the mask that the inner point is looked for in."""
+"""Longer side of the mask in which the inner point is searched [pixels]."""
 
 MASK_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp")
 DEPTH_SUFFIXES = (".png", ".tif", ".tiff", ".exr", ".npy")
 HINT_SUFFIXES = {"mask": MASK_SUFFIXES, "depth": DEPTH_SUFFIXES, "normals": DEPTH_SUFFIXES}
-"""Suffixes of the files of one frame each."""
+"""Suffixes of files that belong to one frame each."""
 
 
 class MaskFollower:
-    """Frames in order become photos whose object is marked.
+    """Turn frames, in order, into photos whose object is marked.
 
-    hints: what the caller said about the first frame; may be empty. segmenter: what looks for the object in every frame
-    in which it is looked for; None: our network. last: x, y of a point well
-    inside the last mask, that mask's pixels, and its box; None before the first. held: the mask that moves with the
-    object, None where it is to be found.
+    hints: the caller's marks in the first frame; may be empty. segmenter: finds the object; None: our network.
+    last: x, y of a point well inside the last mask, that mask's pixels, and its box; None before the first.
+    held: the mask that moves with the object; None if it has to be found.
     """
 
     def __init__(
@@ -61,11 +60,12 @@ class MaskFollower:
         every_frame: Mapping[str, Any],
         surroundings: SurroundingsSource | None = None,
     ) -> None:
-        """folders: of one file a frame, sorted by name, by the keyword of load_photo ("mask", "depth", "normals").
+        """folders: by keyword of load_photo ("mask", "depth", "normals"), each with one file a frame, sorted by name.
 
         hints: of load_photo, for the first frame: clicks and a box; and a segmenter, which finds the object there, and
-            wherever it is looked for later, by the last mask. every_frame: of load_photo, for every frame.
-        surroundings: of load_photo, for every frame; a panorama is read here, once.
+                later by the last mask.
+            every_frame: keywords of load_photo for every frame.
+            surroundings: of load_photo, for every frame; a panorama is read once, here.
         """
         for kind, folder in folders.items():
             if not (isinstance(folder, str | os.PathLike) and os.path.isdir(folder)):
@@ -90,22 +90,22 @@ class MaskFollower:
         self._every = {**every_frame, "surroundings": word}
         self.last: list[float] | None = None
         self.held: Held | None = None
-        self._before: Held | None = None  # what was held until it was lost, so many frames ago
+        self._before: Held | None = None  # the mask that was held until the object was lost, _lost_for frames ago
         self._lost_for = 0
         self._is_seen = False  # whether the last frame gave a photo
         self._size: tuple[int, int] | None = None  # height and width of the last frame with an object
 
     @property
     def looks_same(self) -> bool:
-        """Whether the last frame's object was found, and looked as in the frames before, which had its light."""
+        """Whether the last frame's object was found and looked as in the frames before, so that its light is theirs."""
         return self._is_seen and self.held is not None and self.held.looks_same
 
     def go_on(self, last: list[float] | None) -> None:
-        """Set the state that a run kept; the mask is looked for anew around the last box."""
+        """Continue from a saved run; the mask is found anew around the last box."""
         self.last, self.held, self._before = last, None, None
 
     def content(self) -> dict[str, Any]:
-        """Return digests of the contents of files and surroundings, wherever they lie."""
+        """Return digests of the contents of files and surroundings, whatever their paths."""
         surroundings = self._every["surroundings"]
         if self._panorama is not None:
             surroundings = digest_of([self._panorama.tobytes()])
@@ -116,7 +116,7 @@ class MaskFollower:
         """Return the frame as a photo with its mask and what is known around it.
 
         Raises:
-            InvalidMask: there is no mask, or the object is lost in this frame: a later one may show it again.
+            InvalidMask: there is no mask, or the object is lost in this frame; a later one may show it again.
         """
         self._is_seen = False
         photo = self._marked(frame)
@@ -168,7 +168,7 @@ class MaskFollower:
         return photo
 
     def _found(self, frame: Frame, name: str, own: Mapping[str, Any]) -> tuple[Photo, np.ndarray]:
-        """Return the photo and the whole mask [H, W], which the photo's lies in; InvalidMask where there is none."""
+        """Return the photo and the whole mask [H, W], of which the photo's is a part; InvalidMask if there is none."""
         held = self._followed(frame.rgb)
         if held is not None:
             source = "network" if self.segmenter is None or isinstance(self.segmenter, Network) else "segmenter"
@@ -181,7 +181,7 @@ class MaskFollower:
         return replace(photo, mask=lit_mask(self.held, whole.shape)), whole
 
     def _followed(self, rgb: np.ndarray) -> Held | None:
-        """Return the held mask as it was found again in a frame, or another one around it; None where it is lost."""
+        """Return the held mask where it is found again in a frame, else a new one; None if the object is lost."""
         if self.held is None or self.last is None:
             return None
         self._lost_for += 1
@@ -207,7 +207,7 @@ class MaskFollower:
         return self.held
 
     def _load(self, frame: Frame, name: str, own: Mapping[str, Any], **where: Any) -> Photo:
-        """Return the frame with files of its own; errors say which frame, or which of its files."""
+        """Return the frame's photo with its own files; errors name the frame or the file."""
         try:
             pixels = replace(read_image(frame.rgb, name), radiance=frame.radiance, alpha=frame.alpha)
             return load_photo(pixels, **self._every, **own, **where)
@@ -224,7 +224,7 @@ def _last_of(mask: np.ndarray) -> list[float]:
 
 
 def _looked_for(rgb: np.ndarray, last: list[float], segmenter: Network | Segmenter | None) -> np.ndarray | None:
-    """Return the mask by one look at the last one's box and a margin, [H, W]; None where nothing is there.
+    """Return the mask [H, W] that the network finds around the last one's box; None if it finds nothing.
 
     last, segmenter: of MaskFollower.
     """
@@ -249,7 +249,7 @@ def _prompts_from(last: list[float], shape: tuple[int, ...]) -> dict:
 
 
 def _bytes_of(path: Path) -> bytes:
-    """Return a file's; none of one that cannot be read, which the frame that asks for it names."""
+    """Return a file's bytes; none if it cannot be read: the frame that needs it reports that."""
     try:
         return path.read_bytes()
     except OSError:
@@ -264,7 +264,7 @@ def _grown_box(mask: np.ndarray) -> list[float]:
 
 
 def inner_point(mask: np.ndarray) -> tuple[float, float]:
-    """x, y of a pixel far from the edge of a mask [H, W] that is not empty; of several the most central."""
+    """Return x, y of a pixel far from the edge of a mask [H, W] that is not empty; of several, the most central."""
     step = max(1, -(-max(mask.shape) // COARSE_PX))
     inside = mask[step // 2 :: step, step // 2 :: step] > 0.5
     if not inside.any():

@@ -1,7 +1,7 @@
-"""A decoded picture of a clip as it is meant to be seen: upright, square pixels, sRGB, and light above white.
+"""Turn a decoded picture of a clip into what a player shows: upright, square pixels, sRGB, and light above white.
 
-What the stream says of its colours is by the code points of ITU-T H.273. A matrix that is not named is taken as players
-take it: by the primaries, else BT.709 for HD and BT.601 for smaller pictures.
+Streams describe their colours by code points of ITU-T H.273. Without one for the matrix it is chosen as players do: by
+the primaries, else BT.709 for HD and BT.601 for smaller pictures.
 """
 
 from __future__ import annotations
@@ -28,22 +28,22 @@ LUMA = {
     SMPTE240M: (0.212, 0.087),
     BT2020: (0.2627, 0.0593),
 }
-"""Kr and Kb of the matrices by H.273's code point."""
+"""Kr and Kb of each matrix, by code point."""
 
 ALIKE = {**{kind: kind for kind in LUMA}, 6: BT601, 10: BT2020}
-"""Code points that are read as one of them; FFmpeg's scaler has the same numbers for these."""
+"""Code points of equal matrices; FFmpeg's scaler numbers these alike."""
 
 BY_PRIMARIES = {BT709: BT709, 5: BT601, 6: BT601, 7: SMPTE240M, BT2020: BT2020}
-"""Where the matrix is not named, by the code point of the primaries."""
+"""The matrix of streams that do not name one, by code point of the primaries."""
 
 HD = (1280, 576)
 """A picture of at least this width, or higher than this, is HD."""
 
 MOST_ASPECT = 4
-"""Pixels are made square where they are up to so many times as wide as high, or as high as wide."""
+"""Largest ratio of a pixel's sides that is believed and made square."""
 
 LEAST_AREA = 0.01
-"""Area of a square that a display matrix shows as one, over the product of its sides' lengths."""
+"""Least area of what a display matrix makes of a square, over the product of its sides' lengths."""
 
 BITS = 8
 
@@ -55,7 +55,7 @@ EXACT = 0x2 | 0x2000 | 0x40000
 
 
 def square_size(width: int, height: int, aspect: Fraction | None) -> tuple[int, int]:
-    """Width and height of a picture whose pixels are aspect times as wide as high, once they are square."""
+    """Return width and height of a picture, whose pixels are aspect times as wide as high, in square pixels."""
     if not aspect or not 1 / MOST_ASPECT <= aspect <= MOST_ASPECT:
         return width, height
     return max(1, round(width * aspect)), height
@@ -77,10 +77,10 @@ class FramePixels:
 
 
 def shown_pixels(picture, aspect: Fraction | None, size: tuple[int, int] | None, path: Path) -> FramePixels:
-    """Return the pixels that a player shows of an av.VideoFrame, and its transparency.
+    """Return the pixels of an av.VideoFrame as a player shows them, and its transparency.
 
     Args:
-        aspect: of its pixels, width over height; None where the file does not say.
+        aspect: width of a pixel over its height; None if the file does not state it.
         size: width and height to fit it into, with black bars where the shape differs; None: its own.
     Raises:
         InputError: it has too many pixels, or colours that cannot be converted.
@@ -133,7 +133,7 @@ def _display_matrix(picture) -> tuple[int, int, int, int] | None:
     """Return a, b, c, d of the file's display matrix, which shows x, y at a x + c y, b x + d y; None without one."""
     try:
         data = bytes(picture.side_data["DISPLAYMATRIX"])
-    except (LookupError, ValueError):  # this kind of side data is unknown to it
+    except (LookupError, ValueError):  # this version does not know this kind of side data
         return None
     if len(data) < 36:
         return None
@@ -142,10 +142,10 @@ def _display_matrix(picture) -> tuple[int, int, int, int] | None:
 
 
 def _turns_and_mirrors(matrix: tuple[int, int, int, int] | None) -> tuple[int, tuple[int, int] | None]:
-    """Quarter turns, counter-clockwise, that show a frame upright; and 1 or -1 for the order of rows and of columns
-    where the matrix shows it as in a mirror, its rows and columns changed about first where it stands on its side.
+    """Return the quarter turns, counter-clockwise, that show a frame upright; if mirrored also the steps 1 or -1.
 
-    A matrix that brings the picture onto a line or a point, as old writers leave it, says nothing.
+    Steps are of rows and of columns; a frame on its side is transposed first. A matrix that flattens the picture, as
+    old programs write it, is ignored.
     """
     if matrix is None:
         return 0, None
@@ -153,7 +153,7 @@ def _turns_and_mirrors(matrix: tuple[int, int, int, int] | None) -> tuple[int, t
     area = a * d - b * c
     if abs(area) <= LEAST_AREA * math.hypot(a, b) * math.hypot(c, d):
         return 0, None
-    # as av_display_rotation_get has it, which the scaler's own players go by
+    # as av_display_rotation_get computes it
     turns = round(-math.atan2(b / math.hypot(b, d), a / math.hypot(a, c)) / (math.pi / 2)) % 4
     if area > 0:
         return turns, None
@@ -162,7 +162,7 @@ def _turns_and_mirrors(matrix: tuple[int, int, int, int] | None) -> tuple[int, t
 
 
 def _converted(picture, stored: tuple[int, int], path: Path) -> tuple[np.ndarray, np.ndarray | None]:
-    """Pixels of this width and height: sRGB uint8, and radiance; see shown_pixels."""
+    """Return pixels of this width and height: sRGB uint8, and radiance as of shown_pixels."""
     encoding, matrix = _encoding(picture), _matrix(picture, path)
     size = {"width": stored[0], "height": stored[1]}
     bits = max((part.bits for part in picture.format.components), default=BITS)
@@ -181,7 +181,7 @@ def _converted(picture, stored: tuple[int, int], path: Path) -> tuple[np.ndarray
             return (values * 255 + 0.5).astype(np.uint8), None
     display, radiance = to_display(values, encoding)
     if radiance is not None:
-        # as the display values of any clip are read, so that one scene has one light
+        # display values are read alike in every clip, so that one scene has one light
         radiance = np.where(radiance > 1, radiance, inverse_response(display)).astype(np.float32)
     return (display * 255 + 0.5).astype(np.uint8), radiance
 
@@ -189,13 +189,13 @@ def _converted(picture, stored: tuple[int, int], path: Path) -> tuple[np.ndarray
 def _from_deep_ycbcr(picture, matrix: int, bits: int, size: dict[str, int]) -> np.ndarray:
     """R'G'B' [H, W, 3] float32, black at 0 and white at 1 (ITU-T H.273, 8.3).
 
-    The scaler only spreads the chroma: to 16 bits of RGB it rounds to 8 and, by some of its ways, takes other colours.
+    The scaler only upsamples the chroma: its own way to 16-bit RGB rounds to 8 bits and may take other colours.
     """
-    same = {"src_color_range": NARROW, "dst_color_range": NARROW}  # that is, as they are
+    same = {"src_color_range": NARROW, "dst_color_range": NARROW}  # unchanged
     planes = picture.to_ndarray(format="yuv444p16le", **same, **size)
     if planes.shape[-1] != 3:
         planes = np.moveaxis(planes, 0, -1)
-    step = np.float32(1 << (16 - bits))  # bits are moved up, those below are not filled
+    step = np.float32(1 << (16 - bits))  # bits are shifted up; the low ones stay zero
     y, cb, cr = (planes[..., k] / step for k in range(3))
     middle = np.float32(1 << (bits - 1))
     if int(picture.color_range) == FULL:
@@ -219,7 +219,7 @@ def _encoding(picture) -> ColorEncoding | None:
 
 
 def _matrix(picture, path: Path) -> int | None:
-    """Return how it comes from RGB, of LUMA; None where it is RGB."""
+    """Return the entry of LUMA by which it was made from RGB; None if it is RGB."""
     said, primaries = int(picture.colorspace), int(picture.color_primaries)
     if picture.format.is_rgb or said == RGB:
         return None

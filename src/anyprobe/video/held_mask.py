@@ -1,8 +1,8 @@
-"""An object's mask, held in the picture in which it was found and moved with the object to each further frame.
+"""Hold an object's mask in the picture in which it was found, the key, and move it with the object to later frames.
 
-**In every frame** the object is registered (video.registration) against the key, from where it lay in the last one; the
-mask is the key's, moved. Where that is unsure the mask is looked for in the frame, which becomes the key; should the
-next frame be registered against the key before, the frame between was an odd one, and that key is the key again.
+**In every frame** the object is registered (video.registration) against the key, starting where it lay in the last one;
+the mask is the key's, moved. If that is unsure, the mask is found anew in the frame, which becomes the key; if the next
+frame fits the key before, the frame between was odd, and that key is restored.
 
 **A mask found anew**, after EVERY frames, then at intervals that double with each find that agrees up to EVERY_SURE,
 is moved back to the key. Where its IoU with the mask there is AGREES or more, the mask becomes the mean of it and what
@@ -17,7 +17,7 @@ last REMEMBERED frames (median): neither is over other_light.times the other and
 light changes back to that of the key.
 
 **For the light** the mask is narrowed by `narrow` = NARROW of the longer side of its box, and NARROW_ERROR times the
-error that registration expects of itself, at most NARROW_MOST pixels: beside its edge lies what is not the object's.
+error that registration expects of itself, at most NARROW_MOST pixels: its edge also shows what lies beside the object.
 """
 
 from __future__ import annotations
@@ -41,16 +41,16 @@ NARROW, NARROW_ERROR, NARROW_MOST = NUMBERS["narrow"], NUMBERS["narrow_error"], 
 MOST_CHANGE: float = NUMBERS["most_change"]
 REMEMBERED, TIMES, MORE = NUMBERS["remembered"], NUMBERS["other_light"]["times"], NUMBERS["other_light"]["more"]
 ROOM = NUMBERS["room"]
-"""Margin of the key's window, in longer sides of the object: a mask found anew reaches no further."""
+"""Margin of the key's window, in longer sides of the object; a mask found anew is cut there."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Held:
-    """A mask and the picture that it is held in.
+    """A mask and the picture in which it is held, the key.
 
     offset: x, y of the first pixel of the key's window. cover: what is held there, [h, w], the mean of `finds` masks.
     motion: of the object from the key to the last frame, error_px: what is expected to be wrong of it.
-    age: frames since a mask was looked for. refused: finds in a row that did not agree; other: the last of them.
+    age: frames since a mask was last searched. refused: finds in a row that did not agree; other: the last of them.
     unlike: 1 - alike of the last frames. looks_same: whether the last frame's object looks as in those before.
     """
 
@@ -77,7 +77,7 @@ def hold(rgb: np.ndarray, mask: np.ndarray) -> Held:
 
 
 def found_in(held: Held, rgb: np.ndarray) -> Registered:
-    """Return where the object lies in another frame, looked for around where it was last."""
+    """Return the object's motion in another frame, searched around its last place."""
     height, width = rgb.shape[:2]
     x0, y0, x1, y1 = _box(held)
     more = (SEARCH_REACH + 0.1) * max(x1 - x0, y1 - y0)
@@ -91,10 +91,10 @@ def found_in(held: Held, rgb: np.ndarray) -> Registered:
 def follow(
     held: Held, rgb: np.ndarray, found: Registered, find: Callable[[np.ndarray], np.ndarray | None], every: int = EVERY
 ) -> Held:
-    """After one more frame, in which the object was `found` for sure.
+    """Return the state after one more frame, in which the object was surely `found`.
 
-    find: a mask [H, W] of the frame, given where the mask is now; None where there is none. every: frames until the
-    first is looked for.
+    find: finds a mask [H, W] of the frame, given the present one; None if there is none. every: frames until the
+    first search.
     """
     usual = float(np.median(held.unlike)) if held.unlike else 1.0 - found.alike
     held = replace(
@@ -119,7 +119,7 @@ def _is_like(one: float, other: float) -> bool:
 
 
 def _looked(held: Held, rgb: np.ndarray, mask: np.ndarray | None) -> Held:
-    """After a mask was looked for."""
+    """Return the state after a search for a mask."""
     held = replace(held, age=0)
     if mask is None:
         return held
@@ -152,15 +152,14 @@ def mask_in(held: Held, shape: tuple[int, ...], cover: np.ndarray | None = None)
 
 
 def _turned(cover: np.ndarray, matrix: np.ndarray, first: np.ndarray, width: int, height: int) -> np.ndarray:
-    """[height, width] float32 of a cover, linear between its pixels, zero beside it: the place p of the result is at
-    matrix p + first."""
+    """Return a cover [height, width] float32, sampled linearly at matrix p + first for each place p, zero outside."""
     affine = (*matrix[0], first[0], *matrix[1], first[1])
     image = Image.fromarray(np.ascontiguousarray(cover, np.float32))
     return np.asarray(image.transform((width, height), Image.Transform.AFFINE, affine, Image.Resampling.BILINEAR))
 
 
 def lit_mask(held: Held, shape: tuple[int, ...]) -> np.ndarray:
-    """Return the mask in the last frame as the light is to be estimated by."""
+    """Return the mask in the last frame, narrowed for the estimate of light."""
     x0, y0, x1, y1 = object_box(held.cover)
     narrow = NARROW * max(x1 - x0, y1 - y0) + NARROW_ERROR * held.error_px
     cover = narrowed(held.cover, min(narrow, NARROW_MOST))
@@ -168,8 +167,9 @@ def lit_mask(held: Held, shape: tuple[int, ...]) -> np.ndarray:
 
 
 def narrowed(cover: np.ndarray, pixels: float) -> np.ndarray:
-    """Return a cover [h, w] whose edge lies so many pixels further inside: the least of four neighbours, again and
-    again, and for a fraction the mean of the last two."""
+    """Return a cover [h, w] whose edge lies so many pixels further inside.
+
+    The minimum over four neighbours is repeated; for a fraction, the last two are averaged."""
     whole = int(pixels)
     for _ in range(whole):
         cover = _least(cover)
@@ -178,7 +178,7 @@ def narrowed(cover: np.ndarray, pixels: float) -> np.ndarray:
 
 
 def _least(cover: np.ndarray) -> np.ndarray:
-    """Return the least of each pixel and its four neighbours, zero beyond the border."""
+    """Return the minimum of each pixel and its four neighbours, zero beyond the border."""
     wide = np.pad(cover, 1)
     return np.minimum.reduce([cover, wide[:-2, 1:-1], wide[2:, 1:-1], wide[1:-1, :-2], wide[1:-1, 2:]])
 
@@ -192,7 +192,7 @@ def _in_key(held: Held, mask: np.ndarray) -> np.ndarray:
 
 
 def _carried(held: Held, cover: np.ndarray, to: Held) -> np.ndarray:
-    """Return a cover of one key's window in that of the frame which it was last moved to."""
+    """Return a cover of one key's window in the window of the frame to which it was last moved."""
     height, width = to.cover.shape
     shape = to.offset[1] + height, to.offset[0] + width
     return mask_in(held, shape, cover)[to.offset[1] :, to.offset[0] :]

@@ -1,4 +1,4 @@
-"""Interlaced frames, whose rows are of two moments, as whole pictures of one: FFmpeg's bwdif."""
+"""Turn interlaced frames, whose rows are of two moments, into whole pictures by FFmpeg's bwdif."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from anyprobe.video.pyav import pyav
 
 
 class Progressive:
-    """Decodes packets, in order: an interlaced picture comes out whole, any other as it is.
+    """Decode packets in order: interlaced pictures are made whole, others stay as they are.
 
-    The filter gives a picture when it has seen the next one.
+    The filter returns a picture once it has seen the next one.
     """
 
     def __init__(self) -> None:
@@ -19,7 +19,7 @@ class Progressive:
         self._format: tuple[Any, ...] = ()
 
     def __call__(self, packet: Any) -> Iterator[Any]:
-        """Yield the pictures (av.VideoFrame) that are whole after a packet; the last one, which is empty, ends all."""
+        """Yield the pictures (av.VideoFrame) that are complete after a packet; an empty packet ends the stream."""
         for picture in packet.decode():
             if picture.interlaced_frame:
                 form = picture.format.name, picture.width, picture.height
@@ -51,7 +51,7 @@ class Progressive:
 
 
 def _graph(stream: Any, pixels: str, width: int, height: int) -> Any:
-    """Return a filter graph that makes one whole picture of each."""
+    """Return a filter graph that makes one whole picture of each frame."""
     graph = pyav().filter.Graph()
     source = graph.add_buffer(width=width, height=height, format=pixels, time_base=stream.time_base)
     whole = graph.add("bwdif", "mode=send_frame:deint=interlaced")

@@ -1,4 +1,4 @@
-"""A frame of light.mp4: the clip's, and beside it its map over a matte, a silver and a mirror sphere."""
+"""Draw a frame of light.mp4: the clip's, and beside it the map over a matte, a silver and a mirror sphere."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ HEIGHT = MAP_ROWS + SIDE
 SPHERES = ("diffuse", "silver", "mirror")
 
 _SILVER_SIDE, _ROWS = 32, 32
-"""Rows of the silver sphere, and of the map that both spheres see: neither shows anything finer."""
+"""Rows of the silver sphere, and of the map that lights both spheres: neither shows anything finer."""
 
 
 def preview_ev(radiance: Float[np.ndarray, "H 2*H 3"]) -> float:
-    """Return the exposure [EV] of light_picture's spheres at which the matte one under this light does not clip."""
+    """Return the exposure of light_picture's spheres [EV] at which the matte one does not clip under this light."""
     return spheres_ev(diffuse(reduced(radiance, _ROWS), SIDE))
 
 
 def light_picture(radiance: Float[np.ndarray, "H 2*H 3"] | None, ev: float = 0.0) -> UInt8[np.ndarray, "528 640 3"]:
-    """Return the map and under it SPHERES, through the mean camera curve; black where there is no light.
+    """Draw the map with SPHERES below it, through the mean camera curve; black if there is no light.
 
     The map is shown at the clip's exposure, the spheres at ev [EV] relative to it.
     """
@@ -54,7 +54,7 @@ def light_picture(radiance: Float[np.ndarray, "H 2*H 3"] | None, ev: float = 0.0
 def beside_frame(
     rgb: UInt8[np.ndarray, "H W 3"], light: UInt8[np.ndarray, "528 640 3"]
 ) -> UInt8[np.ndarray, "528 1280 3"]:
-    """Return a clip's frame, as large as it fits, and a light_picture on its right."""
+    """Draw a clip's frame, as large as it fits, with a light_picture on its right."""
     scale = min(WIDTH / rgb.shape[1], HEIGHT / rgb.shape[0])
     width, height = (max(1, round(n * scale)) for n in (rgb.shape[1], rgb.shape[0]))
     picture = np.zeros((HEIGHT, 2 * WIDTH, 3), np.uint8)

@@ -1,7 +1,7 @@
-"""PyAV (the libraries of FFmpeg): what it may open, and its faults as one line.
+"""Open files by PyAV (FFmpeg's libraries), and report its faults in one line.
 
-Its interface changes with every major version, so that only arguments of all versions are passed, and what it does not
-know is named with its version.
+Its interface changes with every major version: only arguments common to all are passed, and an unknown one is reported
+with the version.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ CONTAINERS = (
     "live_flv kux asf asf_o ogg mxf gxf lxf dv nut rm wtv nsv nuv yuv4mpegpipe mjpeg ingenient mjpeg_2000 smjpeg "
     "mpjpeg dirac dnxhd vc1 vc1test cavsvideo avs2 avs3 apv h261 h263 mlv mods swf flic film_cpk ipmovie smk bink roq"
 ).split()
-"""FFmpeg's readers that open one file and no other: playlists (hls, dash, concat, imf), patterns of names (image2),
-network sessions (sdp, rtsp) and devices (lavfi, v4l2) are none of them."""
+"""FFmpeg's readers that open one file and no other. Playlists (hls, dash, concat, imf), patterns of names (image2),
+network sessions (sdp, rtsp) and devices (lavfi, v4l2) are left out."""
 
 PICTURE_READERS = (
     "bmp cri dds dpx exr gem gif hdr j2k jpeg jpegls jpegxl jpegxs pam pbm pcx pfm pgm pgmyuv pgx phm photocd pictor "
     "png ppm psd qdraw qoi sgi sunrast svg tiff vbn webp xbm xpm xwd"
 ).split()
-"""Still pictures, which are read to be named as such; FFmpeg calls their readers NAME_pipe."""
+"""Readers of still pictures, which are refused by name; FFmpeg calls them NAME_pipe."""
 
 ONE_FILE = {
     "format_whitelist": ",".join((*CONTAINERS, *(f"{kind}_pipe" for kind in PICTURE_READERS))),
@@ -36,16 +36,16 @@ ONE_FILE = {
     "enable_drefs": "0",  # parts of a .mov that lie in other files
     "use_absolute_path": "0",
 }
-"""Options under which FFmpeg opens the file that is named and nothing else."""
+"""Options that let FFmpeg open the named file and nothing else."""
 
 PLAYLISTS = (b"#EXTM3U", b"ffconcat", b"<?xml", b"<MPD", b"v=0", b"[playlist]", b"<asx", b"<smil")
-"""First bytes of files that name other files."""
+"""First bytes of files that refer to other files."""
 
 STILL = "is a still picture, not a video; anyprobe estimate and relight take it"
 """Refusal of a photo that is given as a clip."""
 
 TESTED = "av>=17,<20"
-"""Versions that the tests have passed with."""
+"""Versions with which the tests passed."""
 
 
 def pyav() -> Any:
@@ -62,7 +62,7 @@ def pyav() -> Any:
 
 
 def open_video(path: Path) -> Any:
-    """Open a file by its content, and no other file that it names.
+    """Open a file by its content, and no file that it refers to.
 
     Raises:
         InputError: it is a playlist, or another kind of file that is not read.
@@ -92,8 +92,9 @@ def _not_opened(path: Path) -> InputError:
 
 
 def _is_animated(path: Path) -> bool | None:
-    """Return whether a picture that Pillow knows moves; None for any other file. FFmpeg may take a photo for one of
-    many that its name counts."""
+    """Return whether a picture that Pillow reads is animated; None for any other file.
+
+    FFmpeg may take a photo for one of a numbered series."""
     try:
         with Image.open(path) as image:
             return bool(getattr(image, "is_animated", False))
@@ -103,7 +104,7 @@ def _is_animated(path: Path) -> bool | None:
 
 @contextmanager
 def known_interface() -> Iterator[None]:
-    """Turn what another version of PyAV no longer takes or has into one line with that version.
+    """Report in one line, with the version, what another version of PyAV lacks.
 
     Raises:
         AnyprobeError: a call that it does not take, or a name that it does not have.

@@ -1,10 +1,10 @@
-"""Where the object of one picture, the key, lies in another one: a similarity, by OpenCV.
+"""Find the object of one picture, the key, in another one: a similarity, by OpenCV.
 
 A place p of the key lies in the picture at W(p) = c + (x, y) + e^scale R(angle) (p - c), x right, y down, with c the
-mean of the mask's pixels. It is looked for by a match of the object as a whole, then aligned to a fraction of a pixel
-by the enhanced correlation coefficient (Evangelidis and Psarakis, 2008), which a change of exposure leaves as it is: by
-a shift; with a turn, and as an affine map, of which the nearest similarity is taken, where these explain much more. A
-light that moves changes the shading, which is not to be taken for a motion.
+mean of the mask's pixels. The whole object is matched first, then aligned to a fraction of a pixel by the
+enhanced correlation coefficient (Evangelidis and Psarakis, 2008), which does not depend on exposure: by a shift; by a
+turn and by an affine map (then its nearest similarity) too, if these explain much more. A moving light changes the
+shading, which must not be taken for a motion.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ import numpy as np
 from anyprobe.errors import MissingExtra
 
 FINE_PX, COARSE_PX = 192, 32
-"""Longer side of the object [pixels] at which it is aligned, and looked for."""
+"""Longer side of the object [pixels] for aligning, and for the first search."""
 SEARCH_REACH = 0.25
-"""How far it is looked for, in longer sides of the object."""
+"""Reach of the search, in longer sides of the object."""
 PULL = 0.05
-"""Loss of correlation at the end of that reach: of two matches the nearer one."""
+"""Loss of correlation at the end of that reach, so that the nearer of two matches wins."""
 ROUNDS, DONE = 40, 1e-4
-"""Most rounds of the alignment, and the gain of correlation that is the last. It smooths nothing: what lies beside the
-object would be drawn into it."""
+"""Most rounds of the alignment, and the gain of correlation at which it stops. Nothing is smoothed: that would mix what
+lies beside the object into it."""
 FEWER = 0.5
-"""Share of the unexplained correlation that a motion of more numbers may leave of that of fewer."""
+"""Share of the unexplained correlation that a motion with more parameters may leave."""
 LEAST_AREA = 0.1
-"""Least area of the object, of that in the key's picture."""
+"""Least area of the object, as a share of that in the key."""
 ALIKE, INSIDE = 0.8, 0.7
 """Correlation, and share of the object in the picture, from which a motion is sure."""
 ERROR = 3.0
@@ -52,7 +52,7 @@ class Motion:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Registered:
-    """Where the key's object is; alike: correlation over the object; inside: its share in the picture; error_px:
+    """Motion of the key's object. alike: correlation over the object. inside: its share within the picture. error_px:
     expected shift of its outline."""
 
     motion: Motion
@@ -110,7 +110,7 @@ def begin_key(picture: np.ndarray, mask: np.ndarray, offset: tuple[int, int] = (
 
 
 def locate_key(key: Key, picture: np.ndarray, start: Motion, offset: tuple[int, int] = (0, 0)) -> Registered:
-    """Return where the key's object lies in a luma picture [H, W], looked for around `start`."""
+    """Return the motion of the key's object in a luma picture [H, W], searched around `start`."""
     cv2 = opencv()
     seen, first = _shrunk(picture, key.step), np.array(offset, np.float64)
     motion = _searched(key, seen, start, first)
@@ -123,7 +123,7 @@ def locate_key(key: Key, picture: np.ndarray, start: Motion, offset: tuple[int, 
     for kind in (cv2.MOTION_TRANSLATION, cv2.MOTION_EUCLIDEAN, cv2.MOTION_AFFINE):
         try:
             _, moved = cv2.findTransformECCWithMask(key.luma, seen, *covers, warp.copy(), kind, until, 1)
-        except cv2.error:  # it does not converge, or nothing of the object is in the picture
+        except cv2.error:  # no convergence, or the object is outside the picture
             continue
         found = _motion_of(key, moved.astype(np.float64), first)
         if found is not None:
@@ -158,7 +158,7 @@ def _judged(key: Key, seen: np.ndarray, warp: np.ndarray, motion: Motion) -> Reg
 
 
 def _searched(key: Key, seen: np.ndarray, start: Motion, first: np.ndarray) -> Motion:
-    """Return the start moved to where the object, as it was turned and scaled last, matches the picture best."""
+    """Return `start` shifted to where the object, turned and scaled as before, matches the picture best."""
     cv2 = opencv()
     rows, columns = np.nonzero(key.cover > 0.5)
     longer = max(np.ptp(rows), np.ptp(columns)) + 1
@@ -205,7 +205,7 @@ def _at_centres(turn: np.ndarray, shift: np.ndarray) -> np.ndarray:
 
 
 def _shrunk(picture: np.ndarray, step: float) -> np.ndarray:
-    """Return a picture whose pixels are `step` times as wide, by area; its last ones may lie partly beside it."""
+    """Return a picture whose pixels are `step` times as wide, averaged by area; the last may lie partly outside."""
     picture = np.ascontiguousarray(picture, np.float32)
     if step == 1.0:
         return picture

@@ -1,4 +1,4 @@
-"""A clip in, a track of lights out: masks, networks, the filter over time, and the relit clip."""
+"""Turn a clip into a track of lights: masks, networks, the filter over time, and the relit clip."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ from anyprobe.video.preview import beside_frame, light_picture, preview_ev
 from anyprobe.video.track import PIECES, Progress, describe, forget_progress, load_progress, save_progress, write_track
 
 SAVE_EVERY = 24
-"""Frames between two saves; what came after the last save is done again."""
+"""Frames between two saves; a resumed run repeats what came after the last one."""
 
 SHADOW_DIRECTIONS, SHADOW_GRID = 64, 128
-"""For a picture of which there are many; a photo's has 192 and 256."""
+"""Fewer than for a photo, which has 192 and 256, as a clip has many pictures."""
 
 LIGHT = "_light"
-"""In the names of pieces of light.mp4."""
+"""Name of light.mp4's pieces."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,9 +57,9 @@ class VirtualObject:
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """frames: that were read. bad: (index, line) of those without a light of their own. damaged: packets.
+    """frames: number of frames read. bad: (index, line) of those without a light of their own. damaged: packets.
 
-    notes: lines on the first frame's object and on frames of another size.
+    notes: lines about the first frame's object and about frames of another size.
     """
 
     frames: int
@@ -70,9 +70,9 @@ class Outcome:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class _Look:
-    """Mask follower's answer to one frame.
+    """The mask follower's answer for one frame.
 
-    photo: or why there is none. before: MaskFollower.last as it was. looks_same: MaskFollower's.
+    photo: the marked frame, or why there is none. before: MaskFollower.last before it. looks_same: MaskFollower's.
     """
 
     photo: Photo | AnyprobeError
@@ -81,7 +81,7 @@ class _Look:
 
 
 class ClipRun:
-    """One clip on its way into one folder."""
+    """Process one clip into one folder."""
 
     def __init__(
         self,
@@ -98,12 +98,12 @@ class ClipRun:
         material: Material | None = None,
     ) -> None:
         """Args:
-        settings: plain values that the result depends on; a run resumes only with the same ones.
+        settings: plain values that the result depends on; a run resumes only with the same.
         every: interval between estimated lights in frames; frames between keep the last light.
         exr: also write lights/<index>.exr, the filtered map of every frame with an estimated light.
         poses: world_from_camera [N, 3, 3] of the frames. The filter then works in the world, where light stands still
-            while the camera turns, and the surroundings that frames show are gathered; what is written is in each
-            frame's camera all the same.
+            while the camera turns, and the surroundings in all frames are gathered. Output stays in each frame's
+            camera.
         material: the real object's, if given.
         """
         self.clip, self.folder, self.estimator, self.follower = clip, folder, estimator, follower
@@ -116,10 +116,10 @@ class ClipRun:
         self._preview: Future[np.ndarray] | None = None  # of the last light
 
     def __call__(self, watch: Callable[[int], None]) -> Outcome:
-        """Do what is not done yet; watch gets the number of frames done.
+        """Process the remaining frames; watch gets the number of frames done.
 
-        Whatever ends it, a later call with the same folder goes on at the last finished piece, and looks for the object
-        anew there.
+        After any interruption, a later call with the same folder resumes at the last finished piece, where it finds the
+        object anew.
         """
         damaged: list[int] = []
         with closing(read_frames(self.clip, damaged)) as frames, ThreadPoolExecutor(2) as beside:
@@ -128,12 +128,12 @@ class ClipRun:
     def _run(
         self, frames: Iterator[Frame], damaged: list[int], watch: Callable[[int], None], beside: ThreadPoolExecutor
     ) -> Outcome:
-        """Do the frames one by one; meanwhile a thread reads the next one and finds its mask, another draws lights."""
+        """Process frames one by one while a thread reads the next one and finds its mask, and another draws lights."""
         done = self.progress
         pictures: list[tuple[float, np.ndarray]] = []
         previews: list[tuple[float, Future[np.ndarray]]] = []
         size, frame, notes = (0, 0), None, []
-        save_every = -(-SAVE_EVERY // self.every) * self.every  # the first frame after it gets a light
+        save_every = -(-SAVE_EVERY // self.every) * self.every  # the first frame after a resume gets a light
         coming: Future[tuple[Frame, _Look | None] | None] = beside.submit(self._read, frames, False)
         while (read := coming.result()) is not None:
             frame, look = read
@@ -176,14 +176,14 @@ class ClipRun:
         return Outcome(frames=len(done.frames), bad=bad, damaged=len(damaged), notes=(*done.notes, *notes))
 
     def _read(self, frames: Iterator[Frame], looks: bool) -> tuple[Frame, _Look | None] | None:
-        """Return the next frame, and its photo where it is asked for; None after the last."""
+        """Return the next frame, with its photo if wanted; None after the last."""
         frame = next(frames, None)
         if frame is None:
             return None
         return frame, self._look(frame) if looks else None
 
     def _look(self, frame: Frame) -> _Look:
-        """Find the object in a frame; an error that the frame causes is kept for when its turn comes."""
+        """Find the object in a frame; keep an error of the frame until its turn."""
         before = self.follower.last
         try:
             photo = self.follower.photo(frame)
@@ -192,9 +192,9 @@ class ClipRun:
         return _Look(photo=photo, before=before, looks_same=self.follower.looks_same)
 
     def _one(self, frame: Frame, look: _Look | None) -> dict:
-        """Return the record of one frame; a frame that gives no light keeps the last one and says why.
+        """Return the record of one frame; without a light of its own it keeps the last one and says why.
 
-        The first is refused where the caller gave its object. look: at this frame, if it was taken already.
+        Raise the error of a first frame whose object the caller marked. look: this frame's, if taken already.
         """
         done = self.progress
         record: dict[str, Any] = {"index": frame.index, "time_s": round(frame.time_s, 5)}
@@ -238,10 +238,9 @@ class ClipRun:
         return {**record, **describe(steady), "held": done.light.held}
 
     def _estimate(self, photo: Photo, index: int) -> Light:
-        """Return the light of one frame in its camera; where poses are known, with the surroundings that all before
-        showed.
+        """Return the light of one frame in its camera; with poses, by the surroundings in all frames so far.
 
-        A panorama from a file is of frame 0's camera, whichever frame is the first that gives a light.
+        A panorama from a file is in frame 0's camera, whichever frame gives the first light.
         """
         if self.poses is None:
             return self.estimator.from_photo(photo, material=self.material, plate=False)
@@ -258,25 +257,25 @@ class ClipRun:
 
     def _seen(self, index: int) -> np.ndarray:
         """Return the steady light in a frame's camera, [H, 2H, 3]."""
-        assert self.progress.light is not None  # asked for where there is one
+        assert self.progress.light is not None  # only called once there is a light
         return self.progress.light.seen_from(None if self.poses is None else self.poses[index])
 
     def _turned(self, index: int) -> dict:
-        """Describe the last light as a frame without one of its own sees it, where its pose is known."""
+        """Describe the last light as seen by a frame without one of its own, by its pose if known."""
         return {} if self.poses is None or self.progress.light is None else describe(self._seen(index))
 
     def _same(self) -> dict:
-        """Return which frame's light one without its own has; nothing before the first."""
+        """Return which frame's light is reused; nothing before the first."""
         lit = next((one["index"] for one in reversed(self.progress.frames) if "held" in one), None)
         return {} if lit is None else {"same_as": lit}
 
     @property
     def place_warnings(self) -> tuple[Notice, ...]:
-        """Stage.warnings of the virtual object's place; none without one, or before it has one."""
+        """Return the warnings of the virtual object's place; none before it has one."""
         return () if self._stage is None else self._stage.warnings
 
     def _picture(self, frame: Frame) -> np.ndarray:
-        """Return the frame with the object in it, [H, W, 3] uint8; as it is while there is no light yet."""
+        """Return the frame with the object in it, [H, W, 3] uint8; unchanged before the first light."""
         state, virtual = self.progress.light, self.virtual
         if self._stage is None or state is None or virtual is None:
             return frame.rgb
@@ -285,7 +284,7 @@ class ClipRun:
         stage = self._stage.on(replace(self._stage.photo, rgb=rgb, mask=mask))
         radiance = state.radiance * np.float32(self.progress.gain)
         if self._shown is None:
-            assert self.progress.material is not None  # as there is a stage
+            assert self.progress.material is not None  # since there is a stage
             numbers: dict[str, Any] = {key: np.array(value) for key, value in self.progress.material.items()}
             material = Material(**{**numbers, "alpha": float(numbers["alpha"])})
             shadow = stage.shadow(radiance, SHADOW_DIRECTIONS, SHADOW_GRID)
@@ -294,7 +293,7 @@ class ClipRun:
         return to_bytes(stage.relit(radiance, virtual.material, shadow=shadow, drawn=drawn))
 
     def _light_picture(self, frame: Frame, beside: ThreadPoolExecutor) -> Future[np.ndarray]:
-        """Return a frame's picture in light.mp4, drawn in that thread."""
+        """Return a frame's picture in light.mp4, drawn in the other thread."""
         if self._preview is None or self.poses is not None:
             done = self.progress
             shown = None if done.light is None else self._seen(frame.index)
@@ -328,5 +327,5 @@ class ClipRun:
 
 
 def _set_up(photo: Photo, virtual: VirtualObject, ground: dict | None) -> Stage:
-    """Return the place of the virtual object, from the first frame with a mask and the ground of its light, for all."""
+    """Return the place of the virtual object in all frames, from the first with a mask and the ground of its light."""
     return Stage(photo, virtual.mesh, replace(virtual.arrangement, ground=Ground.of(ground)))

@@ -1,4 +1,4 @@
-"""The lights of a clip as one JSON file, and what is kept on disk to go on after an end of any kind."""
+"""Write the lights of a clip as one JSON file, and keep on disk what a run needs to resume."""
 
 from __future__ import annotations
 
@@ -25,28 +25,28 @@ from anyprobe.notices import RESTART, Notice, Remedy
 STATE = ".state.npz"
 
 PIECES = ".pieces"
-"""Folder in the result's of what light.mp4 and relit.mp4 are joined from."""
+"""Folder, within the result's, of the pieces of light.mp4 and relit.mp4."""
 
 KINDS = {kind.__name__: kind for kind in (FilterState, Track, Steady)}
-"""Classes of what a run keeps."""
+"""Classes of saved values."""
 
 
 @dataclass(kw_only=True)
 class Progress:
     """How far a clip is done.
 
-    settings: what the result depends on; another run may go on only with the same.
-    next_index: the first frame that is not done. frames: records of those that are.
+    settings: what the result depends on; a run resumes only with the same.
+    next_index: the first frame to do. frames: records of those done.
     light: the filter's state, and time_s of the light it last saw.
-    last: of the follower, which looks for the object anew.
-    pieces: of light.mp4, and of relit.mp4, that are written.
+    last: MaskFollower.last, around which the object is found anew.
+    pieces: number written of light.mp4, and of relit.mp4.
     stage_index: the frame that the virtual object was placed in. stage_last: as it was before that frame, by
     which its mask is found again. ground: of that frame's light, Ground.info. material: the object's, as
     plain numbers.
-    gain: of the light that the relit clip shows, see relight.appearance.least_scale.
+    gain: of the relit clip's light, see relight.appearance.least_scale.
     preview_ev: exposure of the spheres in light.mp4, by the first light; None before it.
-    panorama: [64, 128, 4] of the surroundings that frames have shown so far, in the world: linear radiance times
-    cover, and cover.
+    panorama: [64, 128, 4] of the surroundings in all frames so far, in the world: linear radiance times cover, and
+    cover.
     notes: warnings of the first frame.
     """
 
@@ -68,7 +68,7 @@ class Progress:
 
 
 def save_progress(folder: Path, progress: Progress) -> None:
-    """Write it whole or not at all."""
+    """Write it completely or not at all."""
     arrays: list[np.ndarray] = []
     words = {one.name: _words_of(getattr(progress, one.name), arrays) for one in fields(progress)}
     words["notes"] = [note.as_json() for note in progress.notes]
@@ -102,7 +102,7 @@ def _value_of(words: Any, arrays: Mapping[str, np.ndarray]) -> Any:
 
 
 def forget_run(folder: Path) -> None:
-    """Delete what a run left in its folder, and nothing else; nothing at all in a folder that had none."""
+    """Delete what a run left in its folder, and nothing else."""
     if not (folder / STATE).is_file():
         return
     for left in (folder / STATE, folder / "track.json", folder / "light.mp4", folder / "relit.mp4"):
@@ -113,17 +113,17 @@ def forget_run(folder: Path) -> None:
 
 
 def forget_progress(folder: Path) -> None:
-    """Delete what save_progress left, and the folder if nothing else is in it."""
+    """Delete what save_progress wrote, and the folder if it is then empty."""
     (folder / STATE).unlink(missing_ok=True)
     with suppress(OSError):  # not empty, or never made
         folder.rmdir()
 
 
 def load_progress(folder: Path, settings: dict[str, Any]) -> Progress | None:
-    """Return what a run left, None if nothing.
+    """Return the progress of an earlier run; None if there is none.
 
     Raises:
-        InputError: it was left by a run with other settings, or is damaged.
+        InputError: it is of a run with other settings, or is damaged.
     """
     path = folder / STATE
     if not path.is_file():
@@ -147,7 +147,7 @@ def load_progress(folder: Path, settings: dict[str, Any]) -> Progress | None:
 
 
 def _differing(then: dict[str, Any], now: dict[str, Any]) -> list[str]:
-    """Names of settings that differ; of a setting that holds others, of those."""
+    """Return the names of settings that differ; of a setting that holds others, of those."""
     names = []
     for name in {**then, **now}:
         one, other = then.get(name), now.get(name)
@@ -159,7 +159,7 @@ def _differing(then: dict[str, Any], now: dict[str, Any]) -> list[str]:
 
 
 def describe(radiance: np.ndarray) -> dict[str, Any]:
-    """One light in a few numbers: SH of all of it, SH without the dominant light, and the dominant light."""
+    """Return a light in a few numbers: SH of all of it, SH without the dominant light, and the dominant light."""
     main, ambient = split_dominant_light(radiance)
     return {
         "sh9": json_numbers(project(radiance), 5),
@@ -173,7 +173,8 @@ def describe(radiance: np.ndarray) -> dict[str, Any]:
 
 
 def write_track(path: Path, progress: Progress, fps: float, size: tuple[int, int]) -> None:
-    """All records as one JSON file; the run's settings stand apart, as names of theirs mean something else outside."""
+    """Write all records as one JSON file; the run's settings stand apart, since some of their names mean something else
+    outside."""
     track = {
         "frame": FRAME,
         "scale": SCALE,
