@@ -1,4 +1,4 @@
-/** What is asked for, checked against the generated options.js: unknown names, kinds and ranges are refused in one line. */
+/** Check options against the generated options.js: unknown names, wrong types and values out of range are refused in one line. */
 
 import { AnyProbeError } from "./errors.js";
 import { INPUTS } from "./options.js";
@@ -7,7 +7,7 @@ import { didYouMean } from "./spelling.js";
 const about = (...kinds) => Object.keys(INPUTS).filter((name) => kinds.includes(INPUTS[name].about));
 
 const HINTS = about("place").filter((name) => name !== "mask");
-/** Ways to say the same angle; two are the browser's own. */
+/** Options for the same angle; two are only in the browser. */
 export const LENS = ["fovDeg", "longFovDeg", "projectionMatrix"];
 const LIGHT = about("camera", "light").filter((name) => name !== "longFovDeg" && name !== "normals");
 const CALLED = ["onError", "onOutline", "onLost", "onMissed", "onProgress", "pose"];
@@ -25,7 +25,7 @@ export const OPTIONS = {
   PhotoGround: ["pitchDeg"],
 };
 
-/** What this package's page alone gives, and nobody is told of. */
+/** Options of this package's own page, not documented. */
 const OWN = { track: ["withViews", "onOutline"] };
 
 /** Refuse whatever there is not, and options of another kind or range. @param {keyof OPTIONS} method */
@@ -44,7 +44,7 @@ export function checkNames(method, given) {
   for (const name of LIGHT) if (given[name] !== undefined) checkOne(name, given[name]);
 }
 
-/** A word among those there are, or a number in its bounds. */
+/** Refuse an unknown word, or a number out of bounds. */
 function checkOne(name, value) {
   const { words, least, most, unit } = INPUTS[name];
   if (words && ![...words, true, false].includes(value)) throw wrong(name, words.join(", "), value, words);
@@ -56,7 +56,7 @@ export function wrong(name, expected, got, known = []) {
   return new AnyProbeError("invalid-option", `expected ${expected}, got ${shown(got)}${didYouMean(got, known)}`, { subject: [name] });
 }
 
-/** Something in a line. */
+/** Describe a value in one line. */
 export function shown(got) {
   if (typeof got === "function") return "a function";
   if (typeof got === "number" || typeof got === "bigint") return String(got);
@@ -70,7 +70,7 @@ export function shown(got) {
   }
 }
 
-/** Clicks and boxes that lie in a picture of this size, which they are in pixels of. */
+/** Refuse clicks and boxes outside a picture of this size, in its pixels. */
 export function checkHints(given, width, height) {
   const size = `${width} x ${height} pixels`;
   const isInside = ([x, y]) => x > -1 && y > -1 && x < width + 1 && y < height + 1; // what is dragged along an edge rounds over it

@@ -1,4 +1,4 @@
-/** anyprobe/core: names no file; addresses of weights and runtime are given, and the worker is text in this package. */
+/** anyprobe/core: names no file. The caller gives the addresses of weights and runtime; the worker is text in this package. */
 
 import { AnyProbe as Core } from "./anyprobe.js";
 import source from "../dist/workerSource.js";

@@ -1,4 +1,4 @@
-/** What goes wrong, in one line and one word that programs can ask for. */
+/** Errors: one line of text, and a code for programs. */
 
 import { PACKAGE, notice } from "./notices.js";
 
@@ -29,10 +29,10 @@ export class AnyProbeError extends Error {
   }
 }
 
-/** What is sent of an error from one thread to another. */
+/** An error as plain data, to be sent to another thread. */
 export const sentError = (error) => error.notice ?? notice(error.code ?? "failed", error.message ?? String(error));
 
-/** The error that was sent. */
+/** The error of such data. */
 export const receivedError = ({ code, text, subject, remedy }) => new AnyProbeError(code, text, { subject, remedy });
 
 /** What pixels are read by; of a picture of another origin an error that says what to do. @template T @param {() => T} read @param {string} name @returns {T} */

@@ -1,4 +1,4 @@
-/** Notices: what is wrong or doubtful, as data that each door puts into its own words; anyprobe.notices has the same. */
+/** Notices: errors and doubts as data, worded by each door in its own names; as anyprobe.notices. */
 
 /**
  * @typedef {object} Notice

@@ -1,4 +1,4 @@
-/** The known name that was meant by an unknown one, by the rule of anyprobe.core.spelling. */
+/** Suggest known names for an unknown one, by the rule of anyprobe.core.spelling. */
 
 import { CONTRACT } from "./core/contract.js";
 

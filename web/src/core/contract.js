@@ -1,4 +1,4 @@
-/** The numbers that Python and JavaScript share; in the npm package they stand in this file, by build/contract.js. */
+/** The numbers that Python and JavaScript share; build/contract.js writes them into this file of the npm package. */
 
 import contract from "../../../src/anyprobe/contract.json" with { type: "json" };
 

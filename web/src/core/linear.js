@@ -1,7 +1,7 @@
 /** Small systems of linear equations. */
 
 /**
- * Solutions x of matrix x = right, for each right side, by Gauss with pivots.
+ * Solve matrix x = right for each right side, by Gaussian elimination with pivots.
  *
  * @param {ArrayLike<number>[]} matrix
  * @param {ArrayLike<number>[]} rights
@@ -24,7 +24,7 @@ export function solved(matrix, rights) {
 }
 
 /**
- * What is left of values [P] after their best sum of terms [P][T].
+ * Residuals of values [P] after a least-squares fit of terms [P][T].
  *
  * @param {ArrayLike<number>[]} terms
  * @param {ArrayLike<number>} values

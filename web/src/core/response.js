@@ -19,7 +19,7 @@ const STEPS = 4096;
 
 const bytes = Uint8ClampedArray.from({ length: STEPS + 1 }, (_, i) => 255 * response(i / STEPS));
 
-/** Radiance to the display value's byte, for pictures to be looked at. */
+/** Radiance to the display value as a byte, for pictures on the screen. */
 export function displayByte(radiance) {
   return bytes[radiance >= 1 ? STEPS : radiance > 0 ? (radiance * STEPS + 0.5) | 0 : 0];
 }

@@ -1,8 +1,8 @@
-/** A file, with word of what has come; one that stops coming says so, and is given up. */
+/** Download a file with progress; a stalled download is reported, then given up. */
 
 import { AnyProbeError } from "../errors.js";
 
-/** Without a byte for so long a download is said to stall, and after that it is given up. */
+/** Time without a byte after which a download counts as stalled, and after which it is given up. */
 const [STALLED_MS, GIVEN_UP_MS] = [10_000, 60_000];
 
 /**
@@ -44,7 +44,7 @@ export async function download(url, { integrity, onProgress = () => {}, stalledM
   }
 }
 
-/** With its hash given a browser rejects before it tells the status: then it is asked for again, to learn why. */
+/** Given a hash, a browser rejects without telling the status: the file is requested again to learn why. */
 async function ask(url, integrity, signal) {
   try {
     return checkAnswer(await fetch(url, { integrity, signal }));

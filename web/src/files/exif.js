@@ -1,6 +1,6 @@
-/** The lens that a photo's file notes. */
+/** Read the lens from a photo's Exif. */
 
-/** Where the Exif of JPEG, PNG, WebP, HEIC or AVIF begins as TIFF does: its byte order and 42. */
+/** First bytes of Exif in JPEG, PNG, WebP, HEIC or AVIF, as of TIFF: its byte order and 42. */
 const BEGINNING = /(?:Exif\0\0|eXIf|EXIF[^]{4})(II\*\0|MM\0\*)/;
 
 const [EXIF_FOLDER, FOCAL_35_MM] = [0x8769, 0xa405];
@@ -9,7 +9,7 @@ const [EXIF_FOLDER, FOCAL_35_MM] = [0x8769, 0xa405];
 const [LEAST_MM, MOST_MM] = [2, 2000];
 
 /**
- * Field of view of the longer side [degrees], 2 atan(18 / f), from the 35 mm equivalent; null where the file does not note it.
+ * Field of view of the longer side [degrees], 2 atan(18 / f), from the 35 mm equivalent; null if the file does not state it.
  *
  * @param {Blob} blob
  * @returns {Promise<number | null>}

@@ -2,7 +2,7 @@
 
 import { AnyProbeError } from "../errors.js";
 
-/** Refuse what is no map [height, 2 height, 3] of finite numbers. */
+/** Refuse anything but a map [height, 2 height, 3] of finite numbers. */
 export function checkMap(radiance, height) {
   const refuse = (name, text) => new AnyProbeError("invalid-option", `${text}; pass light.radiance and 64`, { subject: [name] });
   if (height === undefined) throw refuse("height", "it is missing");
@@ -30,7 +30,7 @@ export function encodeHdr(radiance, height) {
   return Uint8Array.from(bytes);
 }
 
-/** Three mantissas under the exponent of the largest; rounded. */
+/** Three rounded mantissas with the exponent of the largest. */
 function rgbe(radiance, at) {
   const rgb = [radiance[at], radiance[at + 1], radiance[at + 2]];
   const largest = Math.max(...rgb);

@@ -170,14 +170,14 @@ function spreadAbout(bright, height, direction, error) {
   return total > 0 ? (180 / Math.PI) * (sum / total) : 90;
 }
 
-/** Degrees by which a dominant light of such a spread about it is off at most in two of three estimates. */
+/** Error [degrees] of a dominant light with such a spread, not exceeded in two of three estimates. */
 function directionError(spreadDeg, error) {
   return Math.min(error.factor * (spreadDeg + error.offset_deg) ** error.exponent, error.most_deg);
 }
 
 /**
- * A map without its dominant light, for renderers that are given both: on a plane that faces the light the irradiance of
- * the map is that of the rest and the light's.
+ * A map without its dominant light, for renderers that take both: on a plane that faces the light, the
+ * irradiance of both together is the map's.
  *
  * @param {Float32Array} radiance
  * @param {ReturnType<typeof findDominantLight>} dominant of this map

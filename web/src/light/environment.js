@@ -17,7 +17,7 @@ export function rotate(radiance, height, rotation) {
   return readMap(radiance, lookupOfTurn(height, rotation), new Float32Array(radiance.length));
 }
 
-/** The same of one number a pixel. */
+/** The same for one number a pixel. */
 export function rotateOne(values, height, rotation) {
   const alike = Float32Array.from({ length: 3 * values.length }, (_, i) => values[Math.floor(i / 3)]);
   return rotate(alike, height, rotation).filter((_, i) => i % 3 === 0);

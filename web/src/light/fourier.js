@@ -2,7 +2,7 @@
 
 const plans = new Map();
 
-/** Roots of unity and the order in which samples are taken up. */
+/** Roots of unity, and the order in which samples are read. */
 function planOf(length) {
   if (!plans.has(length)) {
     const angle = (_, i) => (2 * Math.PI * i) / length;

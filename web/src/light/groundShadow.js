@@ -1,15 +1,15 @@
-/** How dark the shadow of the dominant light is on the ground, for planes that show shadows alone. */
+/** How dark the dominant light's shadow is on the ground, for planes that show only shadows. */
 
 import { AnyProbeError } from "../errors.js";
 import { luminance } from "../core/color.js";
 import { inverseResponse, response } from "../core/response.js";
 import { irradiance } from "./harmonics.js";
 
-/** No shadow takes all light away. */
+/** Largest opacity of a shadow. */
 const MOST_SHARE = 0.95;
 
 /**
- * How opaque black must be laid over a display value so that its light is less by a share.
+ * Opacity of black over a display value that removes a share of its light.
  *
  * Exact at middle grey; the curve is close enough to a power that other greys hardly differ.
  */
@@ -18,14 +18,14 @@ export function shadowOpacity(share) {
   return 1 - response(inverseResponse(grey) * (1 - share)) / grey;
 }
 
-/** Refuse what is no light. */
+/** Refuse anything but a light. */
 export function checkIsLight(light) {
   if (light?.dominant && light.sh9) return;
   throw new AnyProbeError("invalid-option", `expected one of probe.estimate, got ${light === null ? "null" : typeof light}`, { subject: ["light"] });
 }
 
 /**
- * Opacity of black where the dominant light is hidden: as dark as its share of the ground's light is.
+ * Opacity of black where the dominant light is hidden, by its share of the ground's light.
  *
  * @param {import("./light.js").Light} light
  * @param {number[]} up the ground's normal, in the light's frame

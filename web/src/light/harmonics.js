@@ -59,7 +59,7 @@ export function project(radiance, height) {
   return coefficients;
 }
 
-/** By how much a normal's length may be another than 1. */
+/** Tolerance of a normal's length. */
 const MOST_OFF = 0.01;
 
 const wrong = (name, expected, got) => new AnyProbeError("invalid-option", `expected ${expected}, got ${got}`, { subject: [name] });

@@ -1,4 +1,4 @@
-/** Light (noun): what an estimate returns, as anyprobe's Light in Python. */
+/** The result of an estimate, as Light in Python. */
 
 import { MAP_HEIGHT } from "../core/latlong.js";
 import { described } from "../notices.js";
@@ -9,7 +9,7 @@ import { project } from "./harmonics.js";
 /**
  * The light around an object in the frame of the photo's camera: right-handed, +X right, +Y up, looking along -Z.
  *
- * Plain arrays, which move between threads; `environment` is made when it is asked for.
+ * Plain arrays, which move between threads; `environment` is made on first use.
  */
 export class Light {
   /** @param {ReturnType<typeof describe>} parts */
@@ -17,7 +17,7 @@ export class Light {
     Object.assign(this, parts, described(parts.notices ?? parts.warnings));
   }
 
-  /** Whether no light source dominates, so that the light has no one direction. */
+  /** Whether no light source dominates. */
   get isSoft() {
     return this.soft > 0.5;
   }
@@ -54,7 +54,7 @@ function levelled([x, y, z], { pitchDeg, rollDeg = 0 }) {
 }
 
 /**
- * A map with what renderers ask of it.
+ * A map with what renderers need.
  *
  * @param {Float32Array} radiance in the camera's frame
  * @param {number} [errorDeg] of the dominant light, by the network

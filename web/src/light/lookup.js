@@ -1,4 +1,4 @@
-/** Maps read in many directions at once: where each falls between four pixels is worked out once. */
+/** Read maps in many directions at once; the four pixels around each direction are found once. */
 
 import { directionToUv } from "../core/latlong.js";
 
@@ -37,7 +37,7 @@ export function lookupOf(height, directions) {
 }
 
 /**
- * What a map shows in those directions.
+ * Read a map in those directions.
  *
  * @param {Float32Array} map of three channels
  * @param {Lookup} lookup

@@ -13,11 +13,11 @@ const { crop: CROP_SIZE, normals: NORMALS_SIZE } = CONTRACT.sizes;
 const MIRROR = CONTRACT.mirror;
 const PIXELS = 2 * MAP_HEIGHT * MAP_HEIGHT;
 
-/** A mean of normals shorter than this is of places that are not all known. */
+/** A mean of normals shorter than this includes unknown ones. */
 const SHORTEST = 0.9;
 
 /**
- * The map and its confidence with what the object mirrors in their place.
+ * The map and its confidence, replaced where the object mirrors it.
  *
  * @param {Record<string, Float32Array>} said of Models.light, in the camera's frame
  * @param {number[]} f0 reflectance of the mirror, RGB
@@ -51,7 +51,7 @@ export function measured(said, f0, worth) {
   return { radiance: Float32Array.from(radiance), confidence };
 }
 
-/** What each pixel of the mirror shows: from where, how bright, three numbers each, and whether it is clipped, thrice. */
+/** Per pixel of the mirror and channel: the direction it mirrors, its radiance, and whether it is clipped. */
 function mirroredBy({ crop, crop_frame: frame, object_normals: normals }, f0) {
   const wide = resize(normals, 3, [NORMALS_SIZE, NORMALS_SIZE], [CROP_SIZE, CROP_SIZE]);
   const tanHalf = frame[9];
@@ -96,7 +96,7 @@ function gathered(values, directions, height) {
   return { sums, counts };
 }
 
-/** The light above white of a map, over clipped places, half of it evenly, and over what is not seen. */
+/** Spread a map's light above white over clipped places, half of it evenly, and over what is not seen. */
 function aboveWhite(radiance, clipped, unseen) {
   const above = Float64Array.from(radiance, (value) => Math.max(value - 1, 0));
   if (!clipped.some((share) => share > 0)) return above.map((value, i) => value * unseen[Math.floor(i / 3)]);

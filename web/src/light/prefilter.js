@@ -13,7 +13,7 @@ import { lookupOf, readMap } from "./lookup.js";
 /** Sides of the faces, sharpest first; three.js reads roughness 1 - sqrt(1 - level / 3) from each. */
 export const FACE_SIZES = [64, 32, 16, 8];
 
-/** Half floats end here. */
+/** Largest half float. */
 const HALF_MAX = 65504;
 
 const roughnessOf = (level, sizes) => 1 - Math.sqrt(1 - level / (sizes.length - 1));
@@ -31,7 +31,7 @@ const FACES = [
 /**
  * The levels of the cube, each [6, size, size, 4]; the last holds irradiance / pi.
  *
- * Directions are mirrored in X, as three.js has it for cubes that it did not draw itself. Level 1
+ * Directions are mirrored in X, as three.js expects of cubes that it did not draw itself. Level 1
  * (roughness 0.18) is a mean of four texels: its lobe is about as wide as a pixel of the map.
  *
  * @param {Float32Array} radiance [64, 128, 3]
@@ -48,7 +48,7 @@ export function prefilter(radiance) {
 
 const lookups = new Map();
 
-/** Where the texels of the faces look in a map. */
+/** Direction of each texel, as a place in a map. */
 function texels(height, size) {
   const key = `${height} ${size}`;
   if (!lookups.has(key)) {

@@ -1,5 +1,5 @@
 /**
- * A map as its soft part and a few discrete sources: anyprobe.light.source_split, where the rule stands.
+ * Split a map into its soft part and a few discrete sources, by the rule of anyprobe.light.source_split.
  *
  * @typedef {{direction: number[], power: number[], radius: number}} Source unit vector towards it; integral of radiance over
  *   its pixels, sr; radians
@@ -19,7 +19,7 @@ const COMPACT_AND_WIDE = [rules, rules.wide].map((scale) => {
 const LEAST_RADIUS = radians(rules.least_radius_deg);
 
 /**
- * The map without its discrete sources, and these, the one with the brightest pixel first.
+ * The map without its discrete sources, and the sources, the one with the brightest pixel first.
  *
  * @param {Float32Array} radiance H * 2H * 3
  * @param {number} height
@@ -60,7 +60,7 @@ export function splitSources(radiance, height) {
   return { soft, sources };
 }
 
-/** What is brighter around a place than its surroundings, as a source; null where its power is no more than `least`. */
+/** What exceeds its surroundings around a place, as a source; null if its power is at most `least`. */
 function sourceAround(soft, height, place, scale, least) {
   const width = 2 * height;
   const angles = pixelSolidAngles(height);
@@ -79,7 +79,7 @@ function sourceAround(soft, height, place, scale, least) {
   return { direction, near, excess, power, radius: Math.sqrt(((4 / (3 * Math.PI)) * total * total) / squares) };
 }
 
-/** What lies around a direction above the median of the ring around that. */
+/** What exceeds, around a direction, the median of the ring around it. */
 function above(soft, height, center, { reach, ring: around }) {
   const width = 2 * height;
   const d = pixelDirections(height);
@@ -105,7 +105,7 @@ function above(soft, height, center, { reach, ring: around }) {
 }
 
 /**
- * Discs, brightest in the middle, each of its source's power however few its pixels are; added to a map.
+ * Add discs to a map, brightest in the middle, each with its source's power however few its pixels.
  *
  * @param {Float32Array} map H * 2H * 3
  * @param {number} height

@@ -29,10 +29,10 @@ export function shadeSpheres(radiance) {
   };
 }
 
-/** Exposure [EV], no longer than the camera's, at which a white matte sphere is not clipped. */
+/** Exposure [EV], at most the camera's, at which a white matte sphere is not clipped. */
 export const unclippedEv = ({ matte }) => Math.min(0, -Math.log2(matte.reduce((a, b) => Math.max(a, b), 0)));
 
-/** A sphere as the camera would show it at an exposure [EV]: RGBA, clear around the sphere. */
+/** A sphere as the camera would show it at an exposure [EV]: RGBA, transparent around it. */
 export function displaySphere(sphere, exposureEv) {
   const gain = 2 ** exposureEv;
   const rgba = new Uint8ClampedArray(4 * COVER.length);

@@ -1,4 +1,4 @@
-/** A run of numbers kept still while it is still and quick where it changes: anyprobe.light.steady, where the formula stands. */
+/** Smooth a series of numbers while it is steady and follow it where it changes, by the formula of anyprobe.light.steady. */
 
 import { CONTRACT } from "../core/contract.js";
 
@@ -13,7 +13,7 @@ export function begin(y) {
 }
 
 /**
- * The state after one more value; the state given stays as it is.
+ * The state after one more value; the given state is unchanged.
  *
  * @param {ReturnType<typeof begin>} state
  * @param {Float32Array | Float64Array} y

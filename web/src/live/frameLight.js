@@ -1,4 +1,4 @@
-/** One video frame after the other to a light that stays still on a still scene. */
+/** Turn video frames into a light that is steady on a still scene. */
 
 import { MAP_HEIGHT } from "../core/latlong.js";
 import { inverseResponse } from "../core/response.js";
@@ -11,10 +11,10 @@ import { isLarge } from "../photo/picture.js";
 import { ObjectFollower } from "./objectFollower.js";
 import { readFrame } from "./videoFrames.js";
 
-/** An object that is not seen for so many frames is lost; until then the last light stays. */
+/** Frames without the object after which it is lost; until then the last light stays. */
 const PATIENCE = 8;
 
-/** The spheres, and half as many frames later the networks' stages, are sent every so many frames. */
+/** Frames between two pictures of the spheres; the networks' stages follow half as many frames later. */
 const REST_EVERY = 8;
 
 /**
@@ -43,7 +43,7 @@ export class FrameLight {
     this.found = null; // the networks' last answer
   }
 
-  /** New clicks or a new box: their mask is looked for while the last object's light goes on. */
+  /** New clicks or a new box: their mask is searched while the last object's light continues. */
   mark(hints) {
     this.object.mark(hints);
   }
@@ -113,7 +113,7 @@ export class FrameLight {
     return { light, stages: withStages ? stages : null, spheres, ...outline, ms };
   }
 
-  /** Whether the last answer is as good as one for this frame, given as neither marked nor turned. */
+  /** Whether the last answer serves this frame, which is neither marked nor turned. */
   #mayRest(time) {
     const { state, found, options } = this;
     const isSteady = found && state && !state.held && state.oddS === 0 && time - this.otherAt > SAME_AFTER_S;
@@ -131,7 +131,7 @@ export class FrameLight {
   }
 }
 
-/** Mean radiance of a picture, by so many of its pixels. */
+/** Mean radiance of a picture, from so many of its pixels. */
 const SAMPLES = 4096;
 
 function meanRadiance({ rgba }) {

@@ -1,4 +1,4 @@
-/** What frames come from: each new one of a video, a canvas or a camera's track. */
+/** Sources of frames: a video, a canvas or a camera's track. */
 
 import { AnyProbeError } from "../errors.js";
 import { kindOf } from "../photo/source.js";
@@ -6,7 +6,7 @@ import { kindOf } from "../photo/source.js";
 const isOf = (source, ...names) => names.some((name) => typeof globalThis[name] === "function" && source instanceof globalThis[name]);
 
 /**
- * What can be followed, at once; of a camera's stream its first video track.
+ * The source to follow; of a camera's stream, its first video track.
  *
  * @param {import("../../types/index.d.ts").TrackSource} source
  */
@@ -36,7 +36,7 @@ export function checkFrame(frame) {
 }
 
 /**
- * Call back with what holds each new frame, while it is wanted.
+ * Call back with each new frame until it is cancelled.
  *
  * @param {HTMLVideoElement | HTMLCanvasElement | OffscreenCanvas | MediaStreamTrack | null} source null: frames are offered
  * @param {(frame: object) => void} give
@@ -55,7 +55,7 @@ export async function follow(source, give, onEnd) {
   };
 }
 
-/** Whether a video has told its size but has no picture yet. */
+/** Whether a video knows its size but has no picture yet. */
 export const isEarly = (source) => source?.videoWidth !== undefined && source.readyState < 2;
 
 /** Width and height of a source in its own pixels; zeros while there is none yet. */

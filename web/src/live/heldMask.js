@@ -1,7 +1,7 @@
 /**
- * An object's mask, held in the picture in which it was found and moved with the object to each further frame. It is not
- * looked for again while it is followed: each look finds a slightly other mask, and the light would creep with it. Every
- * function gives a new state and leaves the one given as it is.
+ * Hold an object's mask in the picture in which it was found, and move it with the object to later frames. While it is
+ * followed it is not searched again: each search finds a slightly different mask, and the light would drift with it. Every
+ * function returns a new state and leaves the given one unchanged.
  *
  * @typedef {import("../photo/picture.js").Picture} Picture
  * @typedef {ReturnType<typeof hold>} Held
@@ -16,10 +16,10 @@ import { STILL, beginKey, locateKey, lumaOf, matrixOf } from "./registration.js"
 const { most_change: MOST_CHANGE, faded: FADED, room: ROOM, remembered: REMEMBERED, other_light: OTHER_LIGHT, ...NUMBERS } = CONTRACT.held_mask;
 const { narrow: NARROW, narrow_error: NARROW_ERROR, narrow_most: NARROW_MOST } = NUMBERS;
 
-/** Of what the search of a registration reaches, in longer sides of the object, so much more is read. */
+/** Margin read beyond the reach of registration, in longer sides of the object. */
 const READ_MORE = CONTRACT.registration.reach + 0.1;
 
-/** Shorter windows show nothing to register. */
+/** Smaller windows are not registered [pixels]. */
 const LEAST_PX = 8;
 
 /**
@@ -61,7 +61,7 @@ export function follow(before, picture, { motion, errorPx, alike }) {
   return alike >= FADED ? held : { ...hold(picture, maskIn(held)), ...now };
 }
 
-/** Whether two counts of pixels are of one object. */
+/** Whether two counts of pixels may be of one object. */
 export const isOneObject = (count, before) => count / before > 1 / MOST_CHANGE && count / before < MOST_CHANGE;
 
 /** The mask in the last frame, of its size; another cover of the key's. @param {Held} held */
@@ -104,7 +104,7 @@ export function narrowed(cover, width, pixels) {
 
 const leasts = new WeakMap();
 
-/** The least of each pixel and its four neighbours, found once; beside the cover is nothing. */
+/** Minimum of each pixel and its four neighbours, zero outside the cover. */
 function leastOf(cover, width) {
   if (leasts.has(cover)) return leasts.get(cover);
   const out = new Float32Array(cover.length);

@@ -1,4 +1,4 @@
-/** One piece of work after the other, always on the newest of what has arrived; what is overtaken is dropped. */
+/** Work on one input at a time, always the newest; older ones are dropped. */
 
 export class Newest {
   #waiting = null;
@@ -30,7 +30,7 @@ export class Newest {
   }
 }
 
-/** Let the thread hear what was sent to it meanwhile; a timer would take milliseconds. */
+/** Let the thread receive its messages; a timer would take milliseconds. */
 function messagesHeard() {
   return new Promise((resolve) => {
     const { port1, port2 } = new MessageChannel();

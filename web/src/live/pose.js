@@ -1,9 +1,9 @@
-/** The rotation of a camera in the world, from whatever holds its pose. */
+/** Read the rotation of a camera in the world from any kind of pose. */
 
 import { wrong } from "../checks.js";
 import { dot } from "../core/frames.js";
 
-/** By how much a rotation's columns may be off unit length and right angles. */
+/** Tolerance of a rotation's columns: unit length and right angles. */
 const MOST_SKEW = 0.01;
 
 /**

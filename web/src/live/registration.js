@@ -1,5 +1,5 @@
 /**
- * Where the object of one picture, the key, lies in another one, to a fraction of a pixel, by the rules of
+ * Find the object of one picture, the key, in another one to a fraction of a pixel, by the rules of
  * anyprobe.video.registration, which says what each name means. Both are held to tests/product/cases/registration.json.
  *
  * @typedef {{width: number, height: number, values: Float32Array}} Luma a picture, or the window of one at an offset
@@ -49,7 +49,7 @@ export function lumaOf({ width, rgba }, [x0, y0, x1, y1]) {
 }
 
 /**
- * What a picture shows of its object.
+ * The object's part of a picture.
  *
  * @param {Luma} picture
  * @param {Float32Array} mask cover of its object, of the picture's shape, not empty
@@ -67,7 +67,7 @@ export function beginKey(picture, mask, offset = [0, 0]) {
 }
 
 /**
- * Where a key's object lies in another picture, looked for around a start.
+ * Find a key's object in another picture, starting from a motion.
  *
  * @param {ReturnType<typeof beginKey>} key
  * @param {Luma} picture
@@ -154,7 +154,7 @@ function levelOf({ width, height, values }, cover, level, [left, top], [cx, cy],
   return { count: points.length, places, rows };
 }
 
-/** The motion mended at one level. */
+/** The motion refined at one level. */
 function alignedTo(key, { count, places, rows }, picture, motion, step, first) {
   const [values, left, sizes] = [0, 1, 2].map(() => new Float64Array(count));
   const weights = new Float64Array(count).fill(1);
@@ -236,7 +236,7 @@ function composed({ x, y, angle, scale }, [dx, dy, turn, growth], radius) {
   return { x: x - (a * dx + b * dy), y: y - (c * dx + d * dy), ...turned };
 }
 
-/** The start moved by whole cells of the coarse level to where the object is likeliest. */
+/** The start shifted by whole cells of the coarse level to the object's most likely place. */
 function searched({ across, down, cells, cover, start: begin, coarse, center }, picture, start, first) {
   const longer = Math.max(across, down);
   const reach = Math.ceil(REACH * longer);
@@ -287,7 +287,7 @@ function searched({ across, down, cells, cover, start: begin, coarse, center }, 
 }
 
 /**
- * What a level of a picture shows at places moved, linear between its pixels' centres.
+ * Values of a picture's level at moved places, by linear interpolation.
  *
  * @param {Float64Array} places x, y from the centre
  * @param {number} cell pixels of the level, of the frame's
@@ -332,7 +332,7 @@ function smoothed({ width, height, values }) {
   return { width, height, values: out };
 }
 
-/** A picture and so many halvings of it. */
+/** A picture, halved so many times. */
 function pyramid(picture, coarse) {
   const levels = [picture];
   for (let level = 0; level < coarse; level++) {

@@ -1,4 +1,4 @@
-/** Every frame of a source to the networks' thread, which takes the newest, and the lights that come back. */
+/** Send a source's frames to the networks' thread, which takes the newest, and hand on the lights that come back. */
 
 import { AnyProbeError, foreign, receivedError } from "../errors.js";
 import { Light } from "../light/light.js";
@@ -14,7 +14,7 @@ import { readSize, takeFrame } from "./videoFrames.js";
 /** Rates are means over this many seconds. */
 const WINDOW_S = 2;
 
-/** Times that are kept: more than there are pictures in the window. */
+/** Number of times kept: more than there are pictures in that window. */
 const MOST_TIMES = 1000;
 
 function noteTime(times) {
@@ -77,7 +77,7 @@ export class Tracker {
     else unfollow();
   }
 
-  /** The networks' thread is told of the tracking once the size of the pictures is known. */
+  /** Start tracking in the networks' thread once the pictures' size is known. */
   #open(picture) {
     return (this.#opening ??= (async () => {
       const [width, height] = (this.#size = sizeOf(picture));
@@ -91,7 +91,7 @@ export class Tracker {
   }
 
   /**
-   * A frame of one's own, and the camera's pose when it was taken. The newest is worked on, the others are dropped.
+   * A frame of one's own, and the camera's pose when it was taken. Only the newest is processed.
    *
    * @param {import("../../types/index.d.ts").FrameSource} frame
    * @param {{pose?: object, mask?: object, time?: number}} [about] pose: 16 numbers column by column, something with `matrix` or
@@ -188,7 +188,7 @@ export class Tracker {
     this.onAnswer({ ...answer, light: new Light({ ...answer.light, mask: this.mask, lens: this.lens }) });
   }
 
-  /** What fails of the options of the tracking ends it. */
+  /** An error in the tracking options ends it. */
   async #ending(work) {
     try {
       return await work();
@@ -206,5 +206,5 @@ export class Tracker {
   }
 }
 
-/** What the caller's functions or the browser throw, as an error of this package. */
+/** An error of the caller's functions or the browser, as an error of this package. */
 const ours = (error) => (error instanceof AnyProbeError ? error : new AnyProbeError("failed", String(error?.message ?? error), { cause: error }));

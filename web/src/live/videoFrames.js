@@ -9,17 +9,17 @@
 import { readable } from "../errors.js";
 import { takeTexture, upright } from "../photo/textures.js";
 
-/** Longer side at which a frame is looked at. */
+/** Longer side of the frames that are processed. */
 const LONG_PX = 480;
 
-/** What a frame that does not say its colours is taken for, as browsers show it. */
+/** Colours assumed of a frame that states none, as browsers do. */
 const UNSTATED = { matrix: "smpte170m", fullRange: false };
 
 /** Kr and Kb of the luma, by the name of the matrix. */
 const LUMA = { bt709: [0.2126, 0.0722], smpte170m: [0.299, 0.114], bt470bg: [0.299, 0.114] };
 
 /**
- * The frame that a source shows now.
+ * The source's present frame.
  *
  * @param {import("../../types/index.d.ts").FrameSource} given a playing video, a VideoFrame, a picture, or a texture
  * @param {ArrayBuffer[]} [spares] memory of earlier frames, used again where its size is right
@@ -48,7 +48,7 @@ export async function takeFrame(given, spares = []) {
   return { frame, transfer: [frame] };
 }
 
-/** Canvases and pictures have no luma and chroma to copy. */
+/** Canvases and pictures have no luma and chroma planes. */
 function isMoving(source) {
   return !["HTMLCanvasElement", "OffscreenCanvas", "ImageBitmap", "ImageData", "HTMLImageElement"].some(
     (name) => typeof globalThis[name] === "function" && source instanceof globalThis[name],
@@ -128,7 +128,7 @@ function convert({ width: fullWidth, height: fullHeight, format, layout, matrix,
   return { width, height, rgba };
 }
 
-/** Where the samples of a shorter line begin and end in the longer one. */
+/** Beginning and end of each sample of a shorter line in the longer one. */
 function edges(length, count) {
   return Int32Array.from({ length: count + 1 }, (_, i) => Math.floor((i * length) / count));
 }

@@ -1,4 +1,4 @@
-/** Objects that are mostly black, or clipped over a large part; anyprobe.estimate.doubts has the same. */
+/** Warn of objects that are mostly black or largely clipped, as anyprobe.estimate.doubts. */
 
 import { CONTRACT } from "../core/contract.js";
 import { luminance } from "../core/color.js";

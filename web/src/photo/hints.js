@@ -1,4 +1,4 @@
-/** What a user points at, in the library's words and in the networks' own. */
+/** Translate marks from the library's options to the networks' input. */
 
 /**
  * @param {{click?: number[] | number[][], exclude?: number[] | number[][], box?: number[]}} given in pixels; one click or several

@@ -7,10 +7,10 @@ import { INPUTS } from "../options.js";
 /** Field of view [degrees] of the longer side where nothing else is known: a phone's main camera. */
 export const DEFAULT_LONG_FOV_DEG = CONTRACT.lens.default_long_fov_deg;
 
-/** Angles that a picture without distortion can have, degrees. */
+/** Fields of view that a picture without distortion can have [degrees]. */
 const { least: LEAST_FOV_DEG, most: MOST_FOV_DEG } = INPUTS.longFovDeg;
 
-/** By how much the two focal lengths of a projection may differ, and its centre lie beside the picture's (of half its side). */
+/** Tolerance of a projection: difference of its two focal lengths, and offset of its centre (of half a side). */
 const [MOST_UNEVEN, MOST_OFF_CENTRE] = [0.02, 0.05];
 
 const RADIANS = Math.PI / 180;

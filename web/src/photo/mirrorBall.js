@@ -17,10 +17,10 @@ import { raysOf, sphereOfOutline } from "./sphere.js";
 
 const BALL = CONTRACT.mirror_ball;
 
-/** Fewest pixels of a ball that shading is fitted to. */
+/** Fewest pixels for a fit of shading. */
 const LEAST_PIXELS = 100;
 
-/** The warning that says what was done. */
+/** The warning that the object was taken for a mirror ball. */
 export const saidOfBall = () =>
   notice("mirror-ball", "the object is round and shows its surroundings, so it was unwrapped as a mirror ball of chrome, which it may not be", give("material"));
 

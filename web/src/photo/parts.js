@@ -2,7 +2,7 @@
 
 import { CONTRACT } from "../core/contract.js";
 
-/** Holes up to this share of the object are filled; larger ones are seen through, as a handle is. */
+/** Holes up to this share of the object are filled; larger ones stay, as in a handle. */
 const HOLE_SHARE = CONTRACT.mask.hole_share;
 
 /**
@@ -53,7 +53,7 @@ export function fillHoles(part, width) {
   return part.map((value, i) => (fills[labels[i]] ? 1 : value));
 }
 
-/** What is inside, 1, and the pixels up to so many steps beside it. */
+/** Dilate a mask by so many steps. */
 export function grow(inside, width, steps = 1) {
   const grown = inside.slice();
   const edge = new Int32Array(inside.length); // first what is inside, then what each step has added
@@ -77,7 +77,7 @@ export function grow(inside, width, steps = 1) {
   return grown;
 }
 
-/** What stays inside so many steps from whatever is not, the border too. */
+/** Erode a mask by so many steps, the border included. */
 export function shrink(part, width, steps) {
   const [wide, high] = [width + 2, part.length / width + 2];
   const outside = new Uint8Array(wide * high).fill(1);

@@ -39,7 +39,7 @@ export function objectBox(mask, width) {
   return y1 < 0 ? null : [x0, y0, x1 + 1, y1 + 1];
 }
 
-/** Alpha up to which a pixel is no part of the object. */
+/** Alpha up to which a pixel does not belong to the object. */
 const CUT_AWAY = CONTRACT.mask.alpha_cuts_at;
 
 /**

@@ -53,7 +53,7 @@ function fitsClicks({ window, part }, on) {
   return Math.max(0, 1 - Math.hypot(...away) / FITS.click_reach);
 }
 
-/** The IoU to expect of what a network of that name found. */
+/** Expected IoU of a mask found by the network of that name. */
 export function expectedIou(evidence, network) {
   const { offset, weights } = QUALITY[network];
   let odds = offset;
@@ -61,7 +61,7 @@ export function expectedIou(evidence, network) {
   return 1 / (1 + Math.exp(-odds));
 }
 
-/** What lowers the IoU to expect most, beside a good mask's evidence, in a few words. */
+/** The evidence that lowers the expected IoU most, in a few words. */
 export function doubtOf(evidence, network, { on, box }) {
   const asked = [...(on.length ? ["click"] : []), ...(box ? ["box"] : [])];
   const words = {
@@ -77,7 +77,7 @@ export function doubtOf(evidence, network, { on, box }) {
 }
 
 /**
- * A line of what looks wrong, where little is to be expected.
+ * A line about what looks wrong if the expected IoU is low.
  *
  * @param {ReturnType<typeof examine>} evidence
  * @param {string} network

@@ -22,7 +22,7 @@ const { inside: INSIDE, search: NUMBERS } = CONTRACT.mask;
 const { grid: GRID, margin: MARGIN, edge_cells: EDGE_CELLS, split: SPLIT } = NUMBERS;
 const CELLS = GRID * GRID;
 
-/** Looks of a network at windows of one picture, each taken once. */
+/** A network's looks at windows of one picture, each computed once. */
 export class Looks {
   #kept;
 
@@ -67,7 +67,7 @@ export async function findObject(looks, hints) {
   return found && lookCloser(looks, found, hints);
 }
 
-/** One look at the box of the object that a video's last frame had there, and a margin. */
+/** One look at the last frame's box and a margin. */
 export async function lookAgain(looks, hints) {
   const window = around(looks.photo, hints.box, MARGIN);
   return choose(window, await looks.at(window, hints), hints);
@@ -312,7 +312,7 @@ function cropOf({ width, rgba }, [x0, y0, x1, y1], isMirrored) {
   return { width: w, height: h, rgba: isMirrored ? mirrored(part, w, 4) : part };
 }
 
-/** Values row by row, right to left. */
+/** Mirror values, row by row. */
 function mirrored(values, width, channels = 1) {
   const out = new values.constructor(values.length);
   const line = width * channels;

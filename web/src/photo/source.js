@@ -1,4 +1,4 @@
-/** Whatever holds a picture to a picture in memory. */
+/** Read any source of a picture into memory. */
 
 import { CONTRACT } from "../core/contract.js";
 import { luminance } from "../core/color.js";
@@ -8,7 +8,7 @@ import { maskFromAlpha } from "./picture.js";
 import { resize } from "./resize.js";
 import { takeTexture, upright } from "./textures.js";
 
-/** Longer side at which a picture is kept: plenty for a crop of 128. */
+/** Longer side to which a picture is shrunk; ample for a crop of 128. */
 const LONG_PX = 1600;
 
 /**
@@ -48,7 +48,7 @@ function inMemory(ready, signal) {
   return { ...draw(ready, width, height, scale), ...about };
 }
 
-/** Of pixels in memory; few of them stay as they are. */
+/** Read pixels in memory; small pictures stay as they are. */
 function whole({ width, height, rgba }) {
   if (Math.max(width, height) > LONG_PX) return inMemory(new ImageData(new Uint8ClampedArray(rgba), width, height));
   return { width, height, rgba, scale: 1, fullWidth: width, fullHeight: height };
@@ -83,7 +83,7 @@ async function open(source, name, expected, signal) {
   return source;
 }
 
-/** What something is, in a word. */
+/** Name the kind of a value. */
 export const kindOf = (value) => (value === null ? "null" : typeof value === "object" ? (value.constructor?.name ?? "an object") : typeof value);
 
 async function fetchBlob(url, name, signal) {
@@ -97,10 +97,10 @@ async function fetchBlob(url, name, signal) {
   }
 }
 
-/** Pictures that are decoded here, and closed once they are drawn: they are large, and not of the collector's memory. */
+/** Pictures decoded here, closed once drawn: they are large and outside garbage-collected memory. */
 const ours = new WeakSet();
 
-/** What the files of pictures note of their lenses. */
+/** Lenses stated by the files of pictures. */
 const lenses = new WeakMap();
 
 async function decode(blob, name, from) {
@@ -153,7 +153,7 @@ function canvasOf(data) {
   return canvas;
 }
 
-/** By how much a mask's aspect may be another than its picture's: a pixel of rounding. */
+/** Tolerance of a mask's aspect: one pixel of rounding. */
 const MOST_UNEVEN = 0.01;
 
 /**
@@ -233,7 +233,7 @@ function checkShares(mask) {
   return mask;
 }
 
-/** Numbers of the picture's own size, shrunk as it was. */
+/** Numbers of the picture's original size, shrunk like it. */
 function fit(values, name, channels, { width, height, fullWidth, fullHeight }) {
   if (values.length === channels * width * height) return values;
   if (values.length === channels * fullWidth * fullHeight) return resize(values, channels, [fullWidth, fullHeight], [width, height]);

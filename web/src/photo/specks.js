@@ -74,7 +74,7 @@ function boxesOf(labels, count, width) {
   return boxes;
 }
 
-/** By how many pixels a box sticks out of another, at most. */
+/** Most pixels by which a box extends beyond another. */
 const overhang = (box, of) => Math.max(of[0] - box[0], of[1] - box[1], box[2] - of[2], box[3] - of[3], 0);
 
 const countOf = (part) => part.reduce((sum, value) => sum + value, 0);

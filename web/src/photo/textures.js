@@ -5,7 +5,7 @@
 
 import { AnyProbeError } from "../errors.js";
 
-/** Between two looks whether the copy is done. */
+/** Time between two checks of the copy. */
 const POLL_MS = 2;
 
 /**
@@ -45,7 +45,7 @@ export function upright({ width, height, bytes }) {
   return { width, height, rgba };
 }
 
-/** Everything of the context that it binds is bound again as it was. */
+/** Restores all bindings of the context. */
 function startCopy(gl, texture, [fullWidth, fullHeight], [width, height], copy) {
   const before = {
     read: gl.getParameter(gl.READ_FRAMEBUFFER_BINDING),

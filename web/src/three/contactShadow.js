@@ -21,7 +21,7 @@ export class ContactShadow extends Mesh {
   }
 }
 
-/** Black, darkest in its middle. */
+/** Black, most opaque in the middle. */
 function softSpot() {
   const data = new Uint8Array(4 * SPOT_PX * SPOT_PX);
   for (let i = 0; i < SPOT_PX * SPOT_PX; i++) {

@@ -4,7 +4,7 @@ import { CompressedCubeTexture, DataUtils, HalfFloatType, LinearFilter, LinearMi
 import { AnyProbeError } from "../errors.js";
 import { FACE_SIZES } from "../light/prefilter.js";
 
-/** Older ones read a prefiltered cube in another way: diffuse surfaces are shaded wrongly, by 181 black. */
+/** Older versions read prefiltered cubes differently and shade diffuse surfaces wrongly, 181 black. */
 const LEAST_REVISION = 187;
 
 export class EnvironmentTexture {

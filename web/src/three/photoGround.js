@@ -13,10 +13,10 @@ const UP = new Vector3(0, 1, 0);
 /** Side of the plane that catches shadows, in radii of what stands on it. */
 const CATCHER = 12;
 
-/** Ground further away than so many times the real object is as good as the horizon. */
+/** Distance, in heights of the real object, beyond which ground counts as horizon. */
 const FARTHEST = 8;
 
-/** A contact shadow is so much wider than what stands there. */
+/** Width of a contact shadow, in widths of the object. */
 const CONTACT = 1.1;
 
 const SHADOW_PX = 1024;
@@ -148,7 +148,7 @@ export class PhotoGround extends Group {
     this.catcher.visible = true;
   }
 
-  /** Free what it holds on the GPU; what stands on it is the caller's. */
+  /** Free GPU memory; the objects on it stay the caller's. */
   dispose() {
     this.catcher.geometry.dispose();
     this.catcher.material.dispose();

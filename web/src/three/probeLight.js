@@ -1,4 +1,4 @@
-/** The estimate as three.js's lights, in the place of XREstimatedLight. */
+/** The estimate as lights of three.js; replaces XREstimatedLight. */
 
 import { DirectionalLight, Group, LightProbe, Matrix4, Vector3 } from "three";
 import { AnyProbeError } from "../errors.js";
@@ -145,7 +145,7 @@ export class ProbeLight extends Group {
     return true;
   }
 
-  /** What is wrong is thrown once, not at each frame. */
+  /** Throw an error once, not in each frame. */
   #begin(options) {
     try {
       this.track(null, options);
@@ -177,7 +177,7 @@ export class ProbeLight extends Group {
     this.#hasStarted = false;
   }
 
-  /** Free what it holds on the GPU; the probe stays open. */
+  /** Free GPU memory; the probe stays open. */
   dispose() {
     this.stop();
     this.remove(this.lightProbe, this.directionalLight, this.directionalLight.target);
