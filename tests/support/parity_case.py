@@ -13,7 +13,7 @@ from anyprobe.core.frames import world_from_camera
 from anyprobe.core.response import inverse_response, response
 from anyprobe.estimate.doubts import ground_doubts
 from anyprobe.estimate.estimator import Estimator
-from anyprobe.estimate.ground import ESTIMATED, GIVEN, GUESSED, Ground
+from anyprobe.estimate.ground import ESTIMATED, GIVEN, Ground
 from anyprobe.estimate.photo import load_photo
 from anyprobe.estimate.result import Light
 from anyprobe.estimate.runtime import weights_folder
@@ -183,14 +183,12 @@ def _placements() -> list[dict]:
 
 
 def _ground_doubts() -> list[dict]:
-    """What is said of pitches: given, estimated well and badly, guessed as usual and from the place alone."""
+    """What is said of pitches: given, estimated well and badly."""
     cases = []
     for source, pitch_deg, error_deg, is_doubtful in (
         (GIVEN, 41.0, 1.0, False),
         (ESTIMATED, 12.4, 14.9, False),
         (ESTIMATED, -3.7, 18.6, False),
-        (GUESSED, 22.0, 13.0, False),
-        (GUESSED, 31.6, 13.0, True),
     ):
         ground = Ground(
             pitch_deg=pitch_deg,

@@ -2,7 +2,6 @@
 
 import { Light, describe } from "../src/light/light.js";
 import { shadeSpheres } from "../src/light/spheres.js";
-import { upOf } from "../src/photo/ground.js";
 import { readBitmap } from "./openPhoto.js";
 import { askServer } from "./server.js";
 
@@ -22,7 +21,7 @@ export async function readExample() {
     meanConfidence: answer.confidence,
     wellExposedFraction: answer.well_exposed_fraction,
     soft: answer.soft,
-    ground: answer.ground && { pitchDeg: answer.ground.pitch_deg, up: upOf(answer.ground.pitch_deg, answer.ground.roll_deg) },
+    ground: answer.ground && { pitchDeg: answer.ground.pitch_deg, rollDeg: answer.ground.roll_deg },
   });
   const stages = { irradiance: unpack(answer.stages.irradiance) };
   const result = { light, stages, spheres: shadeSpheres(light.radiance) };

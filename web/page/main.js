@@ -31,7 +31,7 @@ let shown = null;
 const SHOWS = { opened: "finding", answered: "lit", filmed: "live" };
 const MARKS = { marked: "finding", reset: "finding" };
 const withMask = () => (shown?.mask ? "lighting" : null);
-const withLight = () => (shown?.result ? "lit" : "bare");
+const withLight = () => (shown?.result ? "lit" : shown ? "bare" : "empty");
 const asBefore = () => (shown.result ? "lit" : (withMask() ?? "bare"));
 
 /** The page's states: no object is known, it is looked for, its light is estimated, both are on show; or the camera is followed. */
@@ -45,6 +45,9 @@ const NEXT = {
 };
 
 const ENTER = {
+  /** Again, after a camera that failed before anything else was on show. */
+  empty: ({ error }) => say(errorLine(error), "fault"),
+
   /** By what was marked, else as the photo itself or the network proposes. */
   async finding({ hints = null, ...opened }, event, left) {
     if (event === "opened") put(opened);

@@ -189,7 +189,7 @@ export class AnyProbe {
     const { port1, port2 } = new MessageChannel();
     this.#finder()
       .then((client) => client.ask("open", { of: "camera", port: port1 }, undefined, [port1]))
-      .catch((error) => port1.postMessage({ error: sentError(error) }));
+      .catch((error) => port1.postMessage({ fault: sentError(error) }));
     return port2;
   }
 

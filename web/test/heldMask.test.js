@@ -4,7 +4,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 
 import { follow, foundIn, hold, litMask, maskIn, narrowed } from "../src/live/heldMask.js";
-import { innerPoint, ObjectFollower } from "../src/live/objectFollower.js";
+import { ObjectFollower } from "../src/live/objectFollower.js";
 import { isSure } from "../src/live/registration.js";
 
 const [WIDTH, HEIGHT] = [300, 240];
@@ -88,10 +88,4 @@ test("one odd frame changes nothing after it", async () => {
   assert.ok(iou(masks[1], masks[2]) < 0.8);
   assert.ok(iou(masks[1], masks[3]) > 0.98);
   assert.ok(iou(masks[1], masks[4]) > 0.98);
-});
-
-test("the inner point is the middle of what is left longest", () => {
-  const mask = Float32Array.from({ length: 200 * 100 }, (_, i) => ((i % 200) > 20 && (i % 200) < 80 && i > 20 * 200 && i < 80 * 200 ? 1 : 0));
-  const [x, y] = innerPoint(mask, 200);
-  assert.ok(Math.abs(x - 50) <= 3 && Math.abs(y - 50) <= 3, `${x}, ${y}`);
 });

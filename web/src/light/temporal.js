@@ -7,6 +7,7 @@
 
 import { luminance } from "../core/color.js";
 import { CONTRACT } from "../core/contract.js";
+import { transposed, turned, unit } from "../core/frames.js";
 import { MAP_HEIGHT, pixelSolidAngles } from "../core/latlong.js";
 import { rotate } from "./environment.js";
 import { drawSources, splitSources } from "./sourceSplit.js";
@@ -220,15 +221,6 @@ const angleOf = (a, b) => 2 * Math.asin(Math.min(distance(a, b) / 2, 1));
 
 /** Angle between two poses. */
 const turnedBy = (from, to) => Math.acos(Math.min(Math.max((from.reduce((sum, value, i) => sum + value * to[i], 0) - 1) / 2, -1), 1));
-
-function unit(vector) {
-  const length = Math.hypot(...vector);
-  return vector.map((value) => value / length);
-}
-
-const turned = (m, [x, y, z]) => [0, 3, 6].map((row) => m[row] * x + m[row + 1] * y + m[row + 2] * z);
-
-const transposed = ([a, b, c, d, e, f, g, h, i]) => [a, d, g, b, e, h, c, f, i];
 
 function turn(map, rotation) {
   return rotate(map, MAP_HEIGHT, rotation).map((value) => Math.max(value, 0));

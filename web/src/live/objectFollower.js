@@ -11,7 +11,6 @@
 import { isLarge, objectBox } from "../photo/picture.js";
 import { REFUSED } from "../photo/quality.js";
 import { resize } from "../photo/resize.js";
-import { shrink } from "../photo/parts.js";
 import { foundIn, follow, hold, isOneObject, litMask, maskIn } from "./heldMask.js";
 import { isSure } from "./registration.js";
 
@@ -20,9 +19,6 @@ const GROWTH = 0.08;
 
 /** So many frames after one in which the object was not where it could be, the picture before it is tried first. */
 const ODD = 2;
-
-/** Longer side of the mask that the inner point is looked for in. */
-const COARSE_PX = 128;
 
 export class ObjectFollower {
   #held = null; // the mask that moves with the object
@@ -180,7 +176,7 @@ function isAny(mask) {
   return at < mask.length;
 }
 
-/** A mask's pixels, the box around them, and the point well inside and the box, grown, by which it is looked for, made when read. */
+/** A mask's pixels, the box around them, and a point inside and the box, grown, by which it is looked for, made when read. */
 function lastOf(mask, width) {
   let count = 0;
   for (let at = 0; at < mask.length; at++) count += mask[at];
@@ -199,28 +195,11 @@ function lastOf(mask, width) {
   };
 }
 
-/** x, y of a pixel far from the edge of a mask that is not empty; of several the most central. */
-export function innerPoint(mask, width) {
-  const height = mask.length / width;
-  const step = Math.max(1, Math.ceil(Math.max(width, height) / COARSE_PX));
-  const half = Math.floor(step / 2);
-  const [across, down] = [width, height].map((length) => Math.ceil((length - half) / step));
-  let inside = Uint8Array.from({ length: across * down }, (_, i) => (mask[(half + step * Math.floor(i / across)) * width + half + step * (i % across)] > 0.5 ? 1 : 0));
-  let left = inside;
-  while (left.includes(1)) {
-    inside = left;
-    left = shrink(left, across, 1);
-  }
-  const cells = [];
-  inside.forEach((value, i) => value && cells.push([i % across, Math.floor(i / across)]));
-  if (cells.length === 0) return pointOf(mask, width); // thinner than a step
-  const mean = [0, 1].map((axis) => cells.reduce((sum, cell) => sum + cell[axis], 0) / cells.length);
-  const away = ([x, y]) => (x - mean[0]) ** 2 + (y - mean[1]) ** 2;
-  const nearest = cells.reduce((best, cell) => (away(cell) < away(best) ? cell : best));
-  return nearest.map((cell) => cell * step + half);
+/** x, y of the pixel of a mask that is nearest to the middle of all. */
+function innerPoint(mask, width) {
+  const inside = [];
+  mask.forEach((value, at) => value > 0.5 && inside.push([at % width, Math.floor(at / width)]));
+  const [x, y] = [0, 1].map((axis) => inside.reduce((sum, place) => sum + place[axis], 0) / inside.length);
+  const away = (place) => (place[0] - x) ** 2 + (place[1] - y) ** 2;
+  return inside.reduce((best, place) => (away(place) < away(best) ? place : best));
 }
-
-const pointOf = (mask, width) => {
-  const at = mask.indexOf(mask.reduce((a, b) => Math.max(a, b), 0));
-  return [at % width, Math.floor(at / width)];
-};

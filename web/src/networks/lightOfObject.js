@@ -54,7 +54,7 @@ export async function lightOfObject(models, picture, mask, longFovDeg, options) 
     uncertainty: { levelStops: level / Math.LN2, colorDeg },
     saidErrorDeg: errorDeg,
     soft: said.soft[0],
-    ground: withoutUp(ground),
+    ground,
     warnings: [
       ...exposureDoubts(picture, mask),
       ...(isPlain ? backdropDoubts(inputs.photo[0]) : isDark ? darkBesideDoubts() : groundDoubts(ground)),
@@ -80,13 +80,6 @@ function withMirror(said, f0, worth) {
   const keep = (values, channels, own) =>
     values.map((value, i) => value + said.seen[4 * Math.floor(i / channels) + 3] * (own[i] - value));
   return { radiance: keep(found.radiance, 3, said.radiance), confidence: keep(found.confidence, 1, said.confidence) };
-}
-
-/** The ground as a light has it. */
-function withoutUp(ground) {
-  if (ground === null) return null;
-  const { up: _, ...rest } = ground;
-  return rest;
 }
 
 /** Mean over the sphere of one number a pixel. */

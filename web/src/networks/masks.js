@@ -1,72 +1,51 @@
 /** Where the object is, by the mask network that is loaded: U2-Net-p, else the small one. */
 
-import { AnyProbeError, receivedError, sentError } from "../errors.js";
+import { AnyProbeError } from "../errors.js";
 import { notice } from "../notices.js";
 import { SmallNetwork, U2NetP, untilGivenUp } from "../photo/maskNetworks.js";
 import { REFUSED, examine, expectedIou, warningsOf } from "../photo/quality.js";
 import { Looks, findObject, lookAgain, maskOf } from "../photo/search.js";
 import { smallNetworkWarning } from "./words.js";
+import { WorkerClient } from "./workerClient.js";
 
 /**
- * The mask of a still picture, with the IoU to expect, a line where that is little, and the seconds it took.
+ * The mask of a picture, with the IoU to expect, a line where that is little, and the seconds it took.
  *
  * @param {import("./models.js").Models} models
  * @param {import("../photo/picture.js").Picture} picture
  * @param {import("../photo/picture.js").Hints} hints
  * @param {() => boolean} isGivenUp
+ * @param {boolean} [isKnown] whether it is an object that was lost, for which one look at its last box is enough
  */
-export async function findMask(models, picture, hints, isGivenUp) {
+export async function findMask(models, picture, hints, isGivenUp, isKnown = false) {
   const network = networkOf(models);
   const start = performance.now();
-  const looks = new Looks(untilGivenUp(network, isGivenUp), picture, looksKept(network.name, picture));
-  const { evidence, ...found } = await searchBy(looks, hints, findObject);
-  const warnings = evidence ? warningsOf(evidence, network.name, hints) : [notice("no-object", "nothing stands out there")];
-  if (evidence && network.name === "small") warnings.push(smallNetworkWarning(hints));
-  return { ...found, warnings, seconds: (performance.now() - start) / 1000 };
-}
-
-/** How a video's masks are found: what is marked as in a still picture, an object that was lost by one look where it was. */
-function videoMasks(models) {
-  const network = networkOf(models);
-  return {
-    find: (picture, hints) => searchBy(new Looks(network, picture, looksKept(network.name, picture)), hints, findObject),
-    again: (picture, hints) => searchBy(new Looks(network, picture), hints, lookAgain),
-  };
+  const looks = new Looks(untilGivenUp(network, isGivenUp), picture, isKnown ? undefined : looksKept(network.name, picture));
+  const found = await (isKnown ? lookAgain : findObject)(looks, hints);
+  const evidence = found && examine(found, hints);
+  const quality = found ? expectedIou(evidence, network.name) : 0;
+  const seconds = () => (performance.now() - start) / 1000;
+  const { width, height } = picture;
+  if (quality < REFUSED) {
+    const warnings = [notice("no-object", "nothing stands out there")];
+    return { mask: new Float32Array(width * height), quality: 0, warnings, seconds: seconds() };
+  }
+  const warnings = warningsOf(evidence, network.name, hints);
+  if (network.name === "small") warnings.push(smallNetworkWarning(hints));
+  return { mask: maskOf(found, width, height), quality, warnings, seconds: seconds() };
 }
 
 /**
- * videoMasks of another thread, at the other end of a port: lights go on while it looks.
+ * The masks that another thread finds, so that lights go on while it looks.
  *
- * @param {MessagePort | null} port null: there is no network of masks
+ * @param {MessagePort | null} port to that thread; null: there is no network of masks
  * @returns {import("../live/objectFollower.js").Masks}
  */
 export function masksAt(port) {
   if (!port) return { find: async () => networkOf({ sessions: {} }), again: null, has: false };
-  let fault = null;
-  const waiting = [];
-  port.onmessage = ({ data: { found, error } }) => {
-    const { resolve, reject } = waiting.shift() ?? {};
-    if (error) (reject ?? ((one) => (fault = one)))(receivedError(error)); // of a thread that did not open, before anything was asked
-    else resolve(found);
-  };
-  const by = (search) => async ({ width, height, rgba }, hints) => {
-    if (fault) throw fault;
-    return new Promise((resolve, reject) => {
-      waiting.push({ resolve, reject });
-      port.postMessage({ search, picture: { width, height, rgba }, hints });
-    });
-  };
-  return { find: by("find"), again: by("again"), has: true };
-}
-
-/** Answer what masksAt asks, in its order. */
-export function answerAt(port, models) {
-  const masks = videoMasks(models);
-  let last = Promise.resolve();
-  port.onmessage = ({ data: { search, picture, hints } }) => {
-    const answer = async () => ({ found: await masks[search](picture, hints) });
-    last = last.then(answer).catch((error) => ({ error: sentError(error) })).then((one) => port.postMessage(one));
-  };
+  const client = new WorkerClient(() => Object.assign(port, { terminate: () => port.close() }), () => {});
+  const by = (isKnown) => ({ width, height, rgba }, hints) => client.ask("mark", { picture: { width, height, rgba }, hints, isKnown });
+  return { find: by(false), again: by(true), has: true };
 }
 
 /** Looks at the last picture: another mark on it, or on a camera's that shows the same, asks for what is near it alone. */
@@ -84,16 +63,6 @@ function isAlike(one, other) {
   if (one?.width !== other.width || one.height !== other.height) return false;
   const green = Array.from({ length: Math.ceil(other.rgba.length / 4 / EVERY) }, (_, i) => 4 * EVERY * i + 1);
   return green.filter((at) => Math.abs(one.rgba[at] - other.rgba[at]) > NOISE).length <= CHANGED * green.length;
-}
-
-async function searchBy(looks, hints, search) {
-  const { network, picture } = looks;
-  const { width, height } = picture;
-  const found = await search(looks, hints);
-  const evidence = found && examine(found, hints);
-  const quality = found ? expectedIou(evidence, network.name) : 0;
-  if (quality < REFUSED) return { mask: new Float32Array(width * height), quality: 0, evidence: null };
-  return { mask: maskOf(found, width, height), quality, evidence };
 }
 
 function networkOf(models) {

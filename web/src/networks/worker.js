@@ -14,7 +14,7 @@ import { checkObject } from "../photo/maskCheck.js";
 import { FrameLight } from "../live/frameLight.js";
 import { Newest } from "../live/newest.js";
 import { lightOfStill } from "./lightOfStill.js";
-import { answerAt, findMask, masksAt } from "./masks.js";
+import { findMask, masksAt } from "./masks.js";
 import { Models } from "./models.js";
 import { openRuntime } from "./runtime.js";
 import { openingFault } from "./words.js";
@@ -25,6 +25,7 @@ const LOST_MS = 100;
 const deliver = (message, transfer = []) => self.postMessage(message, transfer);
 
 let models = null;
+let marking = Promise.resolve();
 
 const still = {
   async open({ runtime, weights, engine, threads: most }) {
@@ -40,9 +41,10 @@ const still = {
     }
   },
 
-  /** The mask by clicks or a box; without any, of what stands out. */
-  mark({ picture, hints }, isGivenUp) {
-    return findMask(models, picture, hints, isGivenUp);
+  /** The mask by clicks or a box; without any, of what stands out. One after the other: a network looks at one picture at a time. */
+  mark({ picture, hints, isKnown }, isGivenUp) {
+    marking = marking.catch(() => {}).then(() => findMask(models, picture, hints, isGivenUp, isKnown));
+    return marking;
   },
 
   /** The light, and for a page that shows them its stages and three spheres. */
@@ -64,7 +66,7 @@ let frames = null;
 const camera = {
   /** Follow a camera; or, in the thread of masks, find them for the one that does. */
   open({ port, hints, longFovDeg, isLensKnown, options, withViews }) {
-    if (!hints) return answerAt(port, models);
+    if (!hints) return hear(port);
     const own = (lights = new FrameLight(models, masksAt(port), hints, longFovDeg, { ...options, isLensKnown }, withViews));
     frames = new Newest(
       (given) => lightOfFrame(own, given),
@@ -111,20 +113,23 @@ function letGo(frame) {
 
 const tasks = { still, camera };
 
-/** Requests that are worked on, and whether each has been given up. */
-const asked = new Map();
+/** Answer what is asked over a line: by the page, or by the thread of the lights. */
+function hear(line) {
+  const asked = new Map(); // requests that are worked on, and whether each has been given up
+  line.onmessage = async ({ data: { id, say, of = "still", giveUp, ...given } }) => {
+    if (giveUp !== undefined) return asked.has(giveUp) && asked.set(giveUp, true);
+    if (id === undefined) return tasks[of][say](given);
+    asked.set(id, false);
+    const answer = {};
+    try {
+      answer.result = await tasks[of][say](given, () => asked.get(id));
+    } catch (error) {
+      answer.error = sentError(error);
+    }
+    const isGivenUp = asked.get(id);
+    asked.delete(id);
+    if (!isGivenUp) line.postMessage({ id, ...answer });
+  };
+}
 
-self.onmessage = async ({ data: { id, say, of = "still", giveUp, ...given } }) => {
-  if (giveUp !== undefined) return asked.has(giveUp) && asked.set(giveUp, true);
-  if (id === undefined) return tasks[of][say](given);
-  asked.set(id, false);
-  const answer = {};
-  try {
-    answer.result = await tasks[of][say](given, () => asked.get(id));
-  } catch (error) {
-    answer.error = sentError(error);
-  }
-  const isGivenUp = asked.get(id);
-  asked.delete(id);
-  if (!isGivenUp) deliver({ id, ...answer });
-};
+hear(self);

@@ -31,6 +31,7 @@ export class WorkerClient {
     this.#worker.onmessage = ({ data }) => {
       isStarted = true;
       if (data.progress) return onProgress(data.progress);
+      if (data.fault) return this.#end(receivedError(data.fault));
       if (data.live) return this.onLive(data.live);
       if (data.spare) return this.spares.push(data.spare);
       const asked = this.#waiting.get(data.id);

@@ -67,33 +67,27 @@ export function upOf(pitchDeg, rollDeg = 0) {
  * @param {number[]} box of the mask's object
  * @param {number | undefined} pitchDeg how far the camera looks down, where it is known
  * @param {Float32Array} posture of Models.light: pitch, roll and the pitch's mean error [degrees]
- * @returns {{up: number[], pitchDeg: number, pitchErrorDeg: number, rollDeg: number, contact: number[], source: "given" | "estimated" | "guessed"}}
+ * @returns {{pitchDeg: number, pitchErrorDeg: number, rollDeg: number, contact: number[], source: "given" | "estimated"}}
  */
 export function groundOf({ width }, mask, box, pitchDeg, posture) {
   const contact = contactOf(mask, width, box);
-  if (pitchDeg !== undefined) return { up: upOf(pitchDeg), pitchDeg, pitchErrorDeg: GROUND.given_error_deg, rollDeg: 0, contact, source: "given" };
+  if (pitchDeg !== undefined) return { pitchDeg, pitchErrorDeg: GROUND.given_error_deg, rollDeg: 0, contact, source: "given" };
   const [foundDeg, rollDeg, errorDeg] = posture;
   const pitchErrorDeg = Math.sqrt(Math.PI / 2) * errorDeg;
-  return { up: upOf(foundDeg, rollDeg), pitchDeg: foundDeg, pitchErrorDeg, rollDeg, contact, source: "estimated" };
+  return { pitchDeg: foundDeg, pitchErrorDeg, rollDeg, contact, source: "estimated" };
 }
 
 /**
- * A line where the pitch is estimated badly, or was guessed from the object's place alone; anyprobe.estimate.doubts has the same.
+ * A line where the pitch is estimated badly; anyprobe.estimate.doubts has the same.
  *
  * @param {ReturnType<typeof groundOf> | null} ground
  * @returns {import("../notices.js").Notice[]}
  */
 export function groundDoubts(ground) {
-  if (ground === null) return [];
-  const { pitchDeg, pitchErrorDeg, source } = ground;
+  if (ground?.source !== "estimated" || ground.pitchErrorDeg <= GROUND.unsure_deg) return [];
+  const { pitchDeg, pitchErrorDeg } = ground;
   const pitch = `${Math.abs(pitchDeg).toFixed(0)} degrees ${Math.round(pitchDeg) < 0 ? "up" : "down"}`;
-  if (source === "estimated" && pitchErrorDeg > GROUND.unsure_deg) {
-    const text = `the camera seems to look ${pitch}, give or take ${pitchErrorDeg.toFixed(0)}`;
-    return [notice("pitch-unsure", text, give("pitchDeg"))];
-  }
-  if (source !== "guessed" || pitchDeg <= GROUND.usual_pitch_deg) return [];
-  const guess = "the ground was guessed from how high the object stands in the photo";
-  return [notice("ground-guessed", `${guess}: a camera that looks ${pitch}`, give("pitchDeg"))];
+  return [notice("pitch-unsure", `the camera seems to look ${pitch}, give or take ${pitchErrorDeg.toFixed(0)}`, give("pitchDeg"))];
 }
 
 /**
