@@ -3,36 +3,42 @@
 import json
 import os
 import signal
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
 from PIL import Image
+from support.scenes import sphere_photo
 
 torch = pytest.importorskip("torch", reason="needs ./train[torch]")
 
+from anyprobe.core.response import response  # noqa: E402
 from anyprobe.core.sampling import hammersley  # noqa: E402
-from anyprobe.errors import InputError  # noqa: E402
+from anyprobe.errors import InputError, ModelError  # noqa: E402
+from anyprobe.estimate.light_graph import graph_inputs  # noqa: E402
+from anyprobe.estimate.runtime import STAGES, Models  # noqa: E402
+from anyprobe.light.environment import rotate  # noqa: E402
+from anyprobe.paper.chain import estimate_light  # noqa: E402
 from anyprobe.paper.equations import filter_exponent  # noqa: E402
 from anyprobe.render.integrate import shade, shading_pyramid  # noqa: E402
 from anyprobe.scatter.microfacet import albedo_table, directional_albedo  # noqa: E402
 from anyprobe_train.dataset.asset_store import own_map  # noqa: E402
-from anyprobe_train.paper import schedule  # noqa: E402
-from anyprobe_train.paper.figures import FIGURES, draw_figure  # noqa: E402
+from anyprobe_train.paper import graphs, schedule  # noqa: E402
+from anyprobe_train.paper.figures import FIGURES  # noqa: E402
 from anyprobe_train.paper.graphs import export_chain  # noqa: E402
 from anyprobe_train.paper.lobes import Rings, light_places, light_waves, lobes, shown  # noqa: E402
 from anyprobe_train.paper.losses import best_gain, l2, picture_rmse  # noqa: E402
 from anyprobe_train.paper.materials import MATERIALS  # noqa: E402
-from anyprobe_train.paper.networks import HdrNet, IlluminationNet, IrradianceNet  # noqa: E402
+from anyprobe_train.paper.networks import HdrNet, IlluminationNet, IrradianceNet, in_chain  # noqa: E402
 from anyprobe_train.paper.open_tables import open_tables  # noqa: E402
 from anyprobe_train.paper.pairs import balanced, drawn, pairs_of, reexposed  # noqa: E402
-from anyprobe_train.paper.pieces import PIECES  # noqa: E402
-from anyprobe_train.paper.reproduce import reproduce, write_table_1  # noqa: E402
+from anyprobe_train.paper.pieces import PIECES, network_of, piece_named  # noqa: E402
+from anyprobe_train.paper.reproduce import reproduce  # noqa: E402
 from anyprobe_train.paper.rivals import spheres_of, unwrapped_mirror, unwrapped_sphere  # noqa: E402
 from anyprobe_train.paper.settings import SETTINGS  # noqa: E402
 from anyprobe_train.paper.table_1 import verdict  # noqa: E402
 from anyprobe_train.paper.tables import exposed, exposure_of  # noqa: E402
-from anyprobe_train.paper.training import load_net, stored  # noqa: E402
+from anyprobe_train.paper.training import checkpoint_of, stored  # noqa: E402
 
 TINY = SETTINGS["tiny"]
 QUICK = replace(TINY, scored=4, log_every=100, score_every=100)
@@ -143,8 +149,8 @@ def test_a_map_has_one_exposure():
 
 def test_pairs_are_looked_up(runs):
     tables = open_tables(None, runs, TINY, "train")
-    which = drawn(tables, np.arange(len(tables.maps)), 6, seed=3, step=2)
-    again = drawn(tables, np.arange(len(tables.maps)), 6, seed=3, step=2)
+    which = drawn(tables, np.arange(len(tables.maps)), 6, step=2)
+    again = drawn(tables, np.arange(len(tables.maps)), 6, step=2)
     pairs, plain = pairs_of(tables, which), pairs_of(tables, replace(again, mirrored=not which.mirrored))
     side = TINY.side
     assert pairs.photo.shape == pairs.irradiance.shape == (6, 4, side, side)
@@ -163,26 +169,64 @@ def test_rivals_pictures_unwrap_to_the_map(runs):
     tables = open_tables(None, runs, TINY, "train")
     smooth = schedule.filtered_target(torch.rand(2, 3, 32, 64), 3)
     assert picture_rmse(unwrapped_sphere(spheres_of(smooth), 32), smooth).max() < 0.2 * smooth.std()
-    which = replace(drawn(tables, np.arange(len(tables.maps)), 4, seed=1, step=1), mirrored=False)
+    which = replace(drawn(tables, np.arange(len(tables.maps)), 4, step=1), mirrored=False)
     pairs, turned = pairs_of(tables, which), pairs_of(tables, replace(which, mirrored=True))
     torch.testing.assert_close(pairs.normals.norm(dim=1, keepdim=True), pairs.mask)
     torch.testing.assert_close(turned.normals.flip(3) * torch.tensor([-1.0, 1, 1])[:, None, None], pairs.normals)
     assert unwrapped_mirror(pairs.mirror, pairs.normals, pairs.mask, 16).shape == (4, 3, 16, 32)
 
 
+def begun(runs, setting, *pieces):
+    """Leave pieces as training does at its step 3; return their networks."""
+    nets = [network_of(piece, setting) for piece in pieces]
+    for piece, net in zip(pieces, nets, strict=True):
+        path = checkpoint_of(runs, piece.name)
+        path.parent.mkdir()
+        torch.save({"net": net.state_dict(), "step": 3, "piece": asdict(piece)}, path)
+        line = {"step": 3, "steps": 12, "loss": 0.1, "unfiltered": 0.1, "box rmse": 0.25}
+        (path.parent / "log.jsonl").write_text(json.dumps(line))
+    return nets
+
+
+def exported(runs, folder, setting):
+    """Write the chain, at step 3 of its training, to a folder of graphs; return its networks."""
+    nets = begun(runs, setting, *map(piece_named, ("irradiance_net", "ours", "hdr_net")))
+    export_chain(runs, setting, folder)
+    return [in_chain(net) for net in nets]
+
+
 @pytest.mark.filterwarnings("ignore")  # of the tracer
-def test_graphs_are_small_and_agree(runs, tmp_path):
+def test_the_exported_chain_estimates_as_torch_does(runs, tmp_path):
     pytest.importorskip("onnx", reason="needs ./train[torch]")
-    folder = beside(runs, tmp_path / "runs")
-    for name in ("irradiance_net", "ours", "hdr_net"):
-        assert reproduce(None, folder, QUICK, only=name, stop=2, say=lambda line: None)
-    found = export_chain(folder, QUICK, tmp_path / "graphs")
-    assert set(found) == {"irradiance", "illumination", "hdr"}
-    sizes = [path.stat().st_size for path in (tmp_path / "graphs").iterdir()]
-    weights = sum(
-        x.numel() for name in ("irradiance_net", "ours", "hdr_net") for x in load_net(QUICK, folder, name).parameters()
-    )
-    assert sum(sizes) < 2.5 * weights
+    setting = replace(SETTINGS["full"], width=4, code=16)
+    nets = exported(beside(runs, tmp_path / "runs"), tmp_path / "graphs", setting)
+    weights = sum(x.numel() for net in nets for x in net.parameters())
+    assert sum(path.stat().st_size for path in (tmp_path / "graphs").glob("*.onnx")) < 2.5 * weights
+    photo = sphere_photo()
+    said = Models(str(tmp_path / "graphs"))(graph_inputs(photo[..., :3] / np.float32(255), photo[..., 3] / 255, 60.0))
+    with torch.no_grad():
+        made = estimate_light(torch.from_numpy(said.image.transpose(2, 0, 1).copy())[None], *nets)
+    radiance = rotate(made.radiance[0].permute(1, 2, 0).numpy(), said.camera_from_crop)
+    assert np.abs(response(said.radiance) - response(radiance)).max() < 0.02
+    card = (tmp_path / "graphs" / "README.md").read_text()
+    assert "| `illumination.onnx` | 0.1 M | 3 of 100,000 | 48 |" in card
+    assert "LDR map: rmse 0.25." in card
+    assert "Not yet scored." in card
+
+
+@pytest.mark.filterwarnings("ignore")  # of the tracer
+def test_a_chain_of_small_pictures_is_refused(runs, tmp_path):
+    pytest.importorskip("onnx", reason="needs ./train[torch]")
+    exported(beside(runs, tmp_path / "runs"), tmp_path / "graphs", TINY)
+    with pytest.raises(ModelError, match=r"irradiance.onnx: expected a network of pictures \(4, 128, 128\), got"):
+        Models(str(tmp_path / "graphs"))
+
+
+def test_only_trained_networks_ship(runs, tmp_path, monkeypatch):
+    monkeypatch.setattr(graphs, "weights_folder", lambda model: tmp_path / "weights")
+    with pytest.raises(InputError, match="got irradiance_net at step 3 of 120000; train on"):
+        exported(beside(runs, tmp_path / "runs"), tmp_path / "weights", SETTINGS["full"])
+    assert not (tmp_path / "weights").exists()
 
 
 def test_scored_pairs_are_balanced(runs):
@@ -237,21 +281,50 @@ def test_estimates_need_the_first_network(runs, tmp_path):
         reproduce(None, beside(runs, tmp_path / "runs"), QUICK, only="ours", say=lambda line: None)
 
 
+def real_photos(folder):
+    """Write a photo of a ball wherever figures look for real ones; return the folder."""
+    photo = Image.fromarray(sphere_photo()[..., :3])
+    mask = Image.fromarray(sphere_photo()[..., 3])
+    for name in ("real_lights", "real_figures", "photos", "real_masks"):
+        (folder / name).mkdir(parents=True)
+        photo.save(folder / name / "ball.png")
+        mask.save(folder / name / "ball_mask.png")
+    for name, material in (("real_lights", "glossy"), ("real_figures", "white matte")):
+        row = f"ball.png,ball_mask.png,{material} ball,{material},-0.6,0.6,0.53"
+        (folder / name / "lights.csv").write_text(f"file,mask,object,material,x,y,z\n{row}\n")
+    (folder / "real_masks" / "manifest.csv").write_text("id,kind\nball,painted ball\n")
+    return folder
+
+
 @pytest.mark.ci
-def test_the_tiny_setting_trains_everything(runs, tmp_path):
+@pytest.mark.filterwarnings("ignore")  # of the tracer
+def test_the_tiny_setting_goes_from_nothing_to_table_and_graphs(command, tmp_path):
+    pytest.importorskip("onnx", reason="needs ./train[torch]")
+    folder, tiny = tmp_path / "paper", ("--setting", "tiny")
+    said = command("run", "paper", "--runs", tmp_path, *tiny).out
+    assert all(f"{piece.name} step 1" in said for piece in PIECES)
+    table = (folder / "table_1.md").read_text()
+    assert said.endswith(table + "\n")
+    assert table.count("| LDR |") == 7
+    assert table.count(" to ") == 3
+    command("paper", "--runs", folder, *tiny, "--graphs", tmp_path / "graphs")
+    assert {path.name for path in (tmp_path / "graphs").iterdir()} == {*(f"{s}.onnx" for s in STAGES), "README.md"}
+    assert table in (tmp_path / "graphs" / "README.md").read_text()
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize("number", FIGURES)
+def test_figures_say_the_steps_of_their_networks(command, runs, tmp_path, number):
     folder = beside(runs, tmp_path / "runs")
-    pieces = [piece for piece in PIECES if piece.maps == "train"]
-    for piece in pieces:
-        assert reproduce(None, folder, QUICK, only=piece.name, say=lambda line: None)
-    assert not load_net(QUICK, folder, "ours").training
-    text = write_table_1(None, folder, QUICK)
-    assert (folder / "table_1.md").read_text() == text
-    assert text.count("| LDR |") == 7
-    assert text.count(" to ") == 3
-    tables = [open_tables(None, folder, TINY, split) for split in ("train", "test")]
-    for number in FIGURES:
-        with Image.open(draw_figure(number, folder, QUICK, *tables)) as picture:
-            assert picture.width > 200
+    begun(folder, TINY, *PIECES)
+    data = real_photos(tmp_path / "data")
+    asked = ("paper", "--runs", folder, "--setting", "tiny", "--figure", number)
+    lines = command(*asked, "--data", data).out.splitlines()
+    with Image.open(lines[-1]) as picture:
+        assert picture.width > 200
+    assert number < 11 or "irradiance_net at step 3 of 12" in lines
+    assert number != 13 or sum(line.startswith("angle to the lamp, Real-") for line in lines) == 2
+    assert number < 12 or "give --data" in command(*asked).complaint
 
 
 def test_a_step_is_decided_equal_or_open():

@@ -16,12 +16,12 @@ from anyprobe.estimate.mirror_ball import CHROME, said_of_ball
 from anyprobe.estimate.multiview import estimate_views
 from anyprobe.estimate.photo import Photo, load_photo
 from anyprobe.estimate.refine import (
+    check_hints,
     estimate_origin,
     exposed_fraction,
     map_doubts,
     predict,
     shown_of,
-    usable,
     with_background_doubt,
     with_estimated_ground,
     with_material,
@@ -146,7 +146,7 @@ class Estimator:
         photo, inputs = extract.photo, extract.inputs
         if material is not None:
             photo, inputs = replace(photo, material=material), {**inputs, "material": material_input(material)[None]}
-        photo = usable(self.models, photo)
+        check_hints(self.models, photo)
         found = predict(self.models, photo, inputs)
         found = with_background_doubt(found, photo, inputs)
         found = with_estimated_ground(found)

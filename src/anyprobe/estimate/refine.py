@@ -53,22 +53,15 @@ class Prediction:
     doubts: tuple[Notice, ...] = ()
 
 
-def usable(models: Models, photo: Photo) -> Photo:
-    """Leave out what nobody asked for where the model does not take it: the background.
-
-    Raises:
-        InputError: a hint that was asked for and that the model does not take.
-    """
-    if models.lifts:
-        return photo
+def check_hints(models: Models, photo: Photo) -> None:
+    """Raise InputError if a hint was given that the model does not take; a background that nobody asked for is none."""
     around = photo.surroundings
-    asked = around is not None and not (isinstance(around, PhotoBackground) and not around.is_asked)
-    hints = (("normals", photo.normals), ("surroundings", asked or None), ("material", photo.material))
-    given = [name for name, value in hints if value is not None]
+    unasked = isinstance(around, PhotoBackground) and not around.is_asked
+    hints = {"normals": photo.normals, "surroundings": None if unasked else around, "material": photo.material}
+    given = [name for name, value in hints.items() if value is not None and name not in models.takes]
     if given:
         text = f"expected a model that takes {'it' if len(given) == 1 else 'them'}, got {models.name}"
         raise InputError(text, subject=given, remedy=(*give(model=DEFAULT_MODEL), *leave_out(*given)))
-    return photo
 
 
 def predict(models: Models, photo: Photo, inputs: Mapping[str, np.ndarray]) -> Prediction:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
+from functools import partial
 from importlib import resources
 from pathlib import Path
 
@@ -19,7 +20,7 @@ from anyprobe.files.graphs import CPU, open_graph
 from anyprobe.files.onnx_runtime import onnxruntime
 from anyprobe.inputs.settings import DEFAULT_MODEL
 from anyprobe.light.environment import MAP_HEIGHT, rotate
-from anyprobe.paper.equations import reconstruct
+from anyprobe.paper.chain import estimate_light
 
 CONTRACT = {
     "contract": "3",
@@ -37,6 +38,10 @@ LIGHT_STAGE = "light"
 FIRST_STAGES = (LIGHT_STAGE, STAGES[0])
 PHOTO_SIZE: int = contract("sizes")["crop"]
 NORMALS_SIZE: int = contract("sizes")["normals"]
+CHAIN_PICTURES = dict.fromkeys(STAGES[:2], (4, PHOTO_SIZE, PHOTO_SIZE)) | {STAGES[2]: (3, MAP_HEIGHT, 2 * MAP_HEIGHT)}
+"""Shape of the picture that each stage of the chain takes."""
+TAKES = {(LIGHT_STAGE,): frozenset({"normals", "surroundings", "material"}), STAGES: frozenset()}
+"""Hints that a model of these stages uses, beside the lens; others are refused."""
 
 
 def bundled_models() -> list[str]:
@@ -70,7 +75,10 @@ def stages_of(folder: Path) -> tuple[str, ...]:
 class Models:
     """Sessions opened once and used for many photos; safe to share between threads.
 
-    `lift` is light.onnx. `paper` has a graph for each stage of the paper's Fig. 2; the last two give Eq. 7's map.
+    `lift` is light.onnx. `paper` has a graph for each stage of the paper's Fig. 2.
+
+    Attributes:
+        takes: hints that it uses, see TAKES.
     """
 
     def __init__(self, model: str = DEFAULT_MODEL, threads: int | None = None, providers: Sequence[str] = CPU) -> None:
@@ -81,45 +89,33 @@ class Models:
         """
         folder = weights_folder(model)
         self.name, self.stages = model, stages_of(folder)
+        self.takes = TAKES[self.stages]
         self._sessions = {stage: _open(folder / f"{stage}.onnx", stage, threads, providers) for stage in self.stages}
-
-    def _run(self, stage: str, *values: np.ndarray) -> list[np.ndarray]:
-        """Run a graph on one array for each of its inputs, in its order; return its outputs."""
-        session = self._sessions[stage]
-        return session.run(None, dict(zip((one.name for one in session.get_inputs()), values, strict=True)))
-
-    @property
-    def lifts(self) -> bool:
-        """Whether it takes whole photos and hints."""
-        return LIGHT_STAGE in self.stages
 
     def __call__(self, inputs: Mapping[str, np.ndarray]) -> Said:
         """Estimate the light of one photo; inputs: of light_graph.graph_inputs, of which `paper` sees the object."""
-        if not self.lifts:
+        if self.stages == STAGES:
             return self._chain(crop_of(inputs, PHOTO_SIZE))
-        outputs = self._run(LIGHT_STAGE, *(inputs[name] for name in INPUTS))
+        outputs = self._sessions[LIGHT_STAGE].run(None, {name: inputs[name] for name in INPUTS})
         return Said(**{name: one[0] for name, one in zip(OUTPUTS, outputs, strict=True)})
 
     def _chain(self, crop: Crop) -> Said:
-        photo, tan_half = _batch(crop.image), np.array([[crop.tan_half]], np.float32)
-        (irradiance,) = self._run("irradiance", photo, tan_half)
-        (ldr,) = self._run("illumination", np.concatenate([irradiance, photo[:, 3:]], axis=1), tan_half)
-        (ln_radiance,) = self._run("hdr", ldr)
-        radiance = reconstruct(_image(ldr), _image(ln_radiance))  # Eq. 7-8
+        photo = np.ascontiguousarray(crop.image.transpose(2, 0, 1)[None], dtype=np.float32)
+        irradiance_net, illumination_net, hdr_net = (partial(self._picture, one, crop.tan_half) for one in STAGES)
+        made = estimate_light(photo, irradiance_net, illumination_net, hdr_net)
+        irradiance, radiance = (one[0].transpose(1, 2, 0) for one in (made.irradiance, made.radiance))
         return Said(
             radiance=np.maximum(rotate(radiance, crop.camera_from_crop), 0.0),
             crop=crop.image,
             crop_frame=np.vstack([crop.camera_from_crop, [[crop.tan_half, *crop.center_px]]]),
-            irradiance=_image(irradiance).clip(0.0, 1.0),
+            irradiance=irradiance.clip(0.0, 1.0),
         )
 
-
-def _batch(image: np.ndarray) -> np.ndarray:
-    return np.ascontiguousarray(image.transpose(2, 0, 1)[None], dtype=np.float32)
-
-
-def _image(batch: np.ndarray) -> np.ndarray:
-    return np.ascontiguousarray(batch[0].transpose(1, 2, 0))
+    def _picture(self, stage: str, tan_half: float, picture: np.ndarray) -> np.ndarray:
+        """Run a stage of the chain; its graph may also ask for the tangent of half the field of view."""
+        names = (one.name for one in self._sessions[stage].get_inputs())
+        values = (picture, np.full((1, 1), tan_half, np.float32))
+        return self._sessions[stage].run(None, dict(zip(names, values, strict=False)))[0]
 
 
 def _open(path: Path, stage: str, threads: int | None, providers: Sequence[str]) -> onnxruntime.InferenceSession:
@@ -133,6 +129,11 @@ def _open(path: Path, stage: str, threads: int | None, providers: Sequence[str])
     if stage == LIGHT_STAGE:
         _check_names(path, "inputs", INPUTS, session.get_inputs())
         _check_names(path, "outputs", OUTPUTS, session.get_outputs())
+    elif (shape := tuple(session.get_inputs()[0].shape[1:])) != CHAIN_PICTURES[stage]:
+        raise ModelError(
+            f"expected a network of pictures {CHAIN_PICTURES[stage]}, got {shape}; train it in full size",
+            source=path.name,
+        )
     return session
 
 

@@ -15,7 +15,7 @@ from anyprobe.core.response import MEAN_CURVE, CameraCurve
 from anyprobe.paper.equations import reconstruct
 
 LN_SCALE = (-7.0, 9.0)
-"""Natural logarithms of radiance between which the HDR net's numbers 0 to 1 lie. The paper does not print its scale."""
+"""Natural logarithms of radiance that the HDR net learns as 0 to 1. The paper does not print its scale."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -45,15 +45,15 @@ def estimate_light(
 
     Args:
         photo: [N, 4, S, S], display RGB times mask, and mask.
-        irradiance_net: photo to I-Irradiance RGB [N, 3, S, S] (Sect. 3.2).
-        illumination_net: I-Irradiance RGB and mask [N, 4, S, S] to an LDR map [N, 3, R, 2 R] (Sect. 3.3).
-        hdr_net: LDR map to its scaled_ln radiance (Sect. 3.4).
+        irradiance_net: photo to I-Irradiance RGB [N, 3, S, S], display values (Sect. 3.2).
+        illumination_net: I-Irradiance RGB and mask [N, 4, S, S] to an LDR map [N, 3, R, 2 R], 0 to 1 (Sect. 3.3).
+        hdr_net: LDR map to its ln radiance (Sect. 3.4).
         curve: the camera's f in Eq. 7.
     """
     xp = array_namespace(photo)
-    irradiance = xp.clip(irradiance_net(photo), 0.0, 1.0)
-    ldr = xp.clip(illumination_net(xp.concat([irradiance, photo[:, 3:]], axis=1)), 0.0, 1.0)
-    ln_radiance = ln_of_scaled(hdr_net(ldr))
+    irradiance = irradiance_net(photo)
+    ldr = illumination_net(xp.concat([irradiance, photo[:, 3:]], axis=1))
+    ln_radiance = hdr_net(ldr)
     radiance = reconstruct(xp.moveaxis(ldr, 1, -1), xp.moveaxis(ln_radiance, 1, -1), curve)
     radiance = xp.moveaxis(radiance, -1, 1)
     return Chained(irradiance=irradiance, ldr=ldr, ln_radiance=ln_radiance, radiance=radiance)

@@ -163,7 +163,7 @@ def _judged(predictions: Path | None, keys: list[str], model: str, title: str, h
             raise InputError(f"expected a folder named after its program, got {title!r}; rename it", source=predictions)
         return {title: predicted(read_predictions(predictions, keys))}
     runtime = Models(model)
-    if hints and not runtime.lifts:
+    if hints and not runtime.takes:
         text = f"expected a model that takes normals, got {title}"
         raise InputError(text, subject="hints", remedy=give(model=DEFAULT_MODEL))
     return model_methods(runtime, title, hints)

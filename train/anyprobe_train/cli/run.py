@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -13,8 +14,8 @@ from anyprobe.core.spelling import did_you_mean
 from anyprobe.errors import InputError, MissingExtra
 
 _RUNS = Path("runs")
-LIGHT_RUN = "light"
-"""Run of the light network, which has a loop of its own."""
+LIGHT_RUN, PAPER_RUN = "light", "paper"
+"""Runs of the light network and of the paper's three, which have loops of their own."""
 Data = Annotated[
     Path | None, Parameter(help="Folder with hdri/train and meshes/train; default: procedural maps and shapes.")
 ]
@@ -44,10 +45,21 @@ def run(
     compiled: Annotated[
         bool, Parameter(name="--compile", negative="--no-compile", help="Compile the renderer.")
     ] = True,
+    setting: Annotated[str, Parameter(help="Sizes of the run paper: full, quarter, small or tiny.")] = "full",
 ) -> None:
     """Train a model on rendered pairs. An interrupted run resumes exactly."""
     _refuse_elsewhere(name)
     need_torch("training")
+    if name == PAPER_RUN:
+        from anyprobe_train.paper.reproduce import reproduce
+        from anyprobe_train.paper.settings import setting_named
+
+        if steps is not None or init_weights is not None:
+            text = "expected neither with the run paper, whose setting says its steps, got one"
+            raise InputError(text, subject=("steps", "init_weights"))
+        if not reproduce(data, runs / name, setting_named(setting), threads=2, device=device, stop=dry_run):
+            sys.exit(143)
+        return None
     from anyprobe_train.train import loop
     from anyprobe_train.train.config import RUNS as NAMED
     from anyprobe_train.train.config import smoke
@@ -59,7 +71,7 @@ def run(
 
         return print(train_light(data, runs, steps, dry_run, device, workers, init_weights))
     if name not in NAMED:
-        names = (*NAMED, LIGHT_RUN)
+        names = (*NAMED, LIGHT_RUN, PAPER_RUN)
         raise InputError(f"expected one of {', '.join(names)}{did_you_mean(name, names)}", source=f"run {name!r}")
     chosen = NAMED[name]()
     if steps is not None:
@@ -75,9 +87,7 @@ def run(
 
 ELSEWHERE = {
     "mask": "expected a run that estimates light, got the network that proposes the object; "
-    "train and export it in a clone, with python -m anyprobe_train.mask_network",
-    "paper": "expected one network, got the paper's three; train them with anyprobe-train paper, "
-    "export them with anyprobe-train paper --graphs FOLDER",
+    "train and export it in a clone, with python -m anyprobe_train.mask_network"
 }
 """Names that another command trains and exports, with what to do."""
 
@@ -102,6 +112,9 @@ def export(
     from anyprobe_train.train.export_onnx import export_graphs
 
     checkpoint = runs / name / "checkpoint.pt"
+    if name == PAPER_RUN:
+        text = "expected one network, got the paper's three; export them with anyprobe-train paper --graphs FOLDER"
+        raise InputError(text, source=f"run {name!r}")
     if name == LIGHT_RUN:
         from anyprobe_train.light.light_export import export_lean
         from anyprobe_train.light.light_run import keep_light

@@ -1,4 +1,4 @@
-"""Export of the trained chain as three ONNX graphs with weights of eight bits."""
+"""Export of the trained chain: three ONNX graphs with weights of eight bits, and their model card."""
 
 from __future__ import annotations
 
@@ -6,27 +6,101 @@ import json
 from dataclasses import asdict
 from pathlib import Path
 
-from anyprobe_train.paper.pieces import PIECES, steps_of
-from anyprobe_train.paper.settings import Setting
-from anyprobe_train.paper.training import is_trained, load_net, stored
+import numpy as np
+
+from anyprobe.errors import InputError
+from anyprobe.estimate.runtime import STAGES, model_id, weights_folder
+from anyprobe.files.atomic import atomic_path
+from anyprobe_train.paper.networks import in_chain
+from anyprobe_train.paper.open_tables import about_tables
+from anyprobe_train.paper.pieces import piece_named, steps_of
+from anyprobe_train.paper.settings import SETTINGS, Setting
+from anyprobe_train.paper.training import load_net, log_of, stored
 from anyprobe_train.train.export_onnx import CONVOLUTIONS, LINEAR_LAYERS, Graph, export_stage
 
-STAGES = {"irradiance": ("irradiance_net",), "illumination": ("ours_longer", "ours"), "hdr": ("hdr_net",)}
-"""Graphs, and the pieces that each is made of: the first that is trained."""
+PIECE_OF = dict(zip(STAGES, ("irradiance_net", "ours", "hdr_net"), strict=True))
+"""Each graph's piece."""
 
 
 def export_chain(runs: Path, setting: Setting, folder: Path) -> dict[str, float]:
-    """Write irradiance.onnx, illumination.onnx and hdr.onnx; return each one's largest difference from torch."""
-    differences = {}
-    for stage, names in STAGES.items():
-        done = [piece for piece in PIECES if piece.name in names and is_trained(piece, setting, runs)]
-        name = done[-1].name if done else names[-1]
+    """Write irradiance.onnx, illumination.onnx, hdr.onnx and README.md; return each graph's difference from torch.
+
+    Raises:
+        InputError: the folder is the package's, and a network is not trained to its end or Table 1 is not there.
+    """
+    steps = {
+        stage: (stored(runs, name)["step"], steps_of(piece_named(name), setting)) for stage, name in PIECE_OF.items()
+    }
+    table = runs / "table_1.md"
+    if folder.resolve() == weights_folder("paper").resolve():
+        behind = [f"{PIECE_OF[stage]} at step {step} of {end}" for stage, (step, end) in steps.items() if step < end]
+        if behind or not table.is_file():
+            got = behind[0] if behind else "no table_1.md"
+            raise InputError(f"expected trained networks and their Table 1, got {got}; train on", source=runs)
+    differences, sizes = {}, {}
+    for stage, name in PIECE_OF.items():
+        net = load_net(setting, runs, name)
         picture = (3, setting.rows, 2 * setting.rows) if stage == "hdr" else (4, setting.side, setting.side)
-        graph = Graph(
-            net=load_net(setting, runs, name), inputs={"input": (1, *picture)}, small=(LINEAR_LAYERS, CONVOLUTIONS)
-        )
-        steps = sum(steps_of(piece, setting) for piece in PIECES if piece.name in names and piece in done)
-        recipe = {"run": f"paper {name}", "steps": str(steps), "pairs": str(steps * setting.batch)}
+        small = (LINEAR_LAYERS, CONVOLUTIONS)
+        graph = Graph(net=in_chain(net), inputs={"input": (1, *picture)}, typical=np.median, small=small)
+        recipe = {"run": f"paper {name}", "steps": str(steps[stage][0]), "pairs": str(steps[stage][0] * setting.batch)}
         recipe |= {"config": json.dumps({**asdict(setting), **stored(runs, name)["piece"]})}
         differences[stage] = export_stage(stage, graph, recipe, folder / f"{stage}.onnx")
+        sizes[stage] = sum(weights.numel() for weights in net.parameters())
+    rows = [
+        f"| `{stage}.onnx` | {sizes[stage] / 1e6:.1f} M | {step:,} of {end:,} | {step * setting.batch:,} |"
+        for stage, (step, end) in steps.items()
+    ]
+    about = about_tables(runs, "train")
+    scored = next((line for line in reversed(log_of(runs, "ours")) if "box rmse" in line), {})
+    card = CARD.format(
+        model=model_id(str(folder)),
+        networks="\n".join(rows),
+        setting=next((name for name, known in SETTINGS.items() if known == setting), "full"),
+        measured=sum(about["measured"]),
+        others=len(about["maps"]) - sum(about["measured"]),
+        shapes=len(about["shapes"]),
+        table=table.read_text(encoding="utf-8").strip() if table.is_file() else "Not yet scored.",
+        boxes=", ".join(f"{key[4:]} {value}" for key, value in scored.items() if key.startswith("box ")),
+    )
+    with atomic_path(folder / "README.md") as path:
+        path.write_text(card, encoding="utf-8")
     return differences
+
+
+CARD = """# Model card: `paper`
+
+The chain of Park, Park, Yoon, Woo (TVCG 2020), id `{model}`: its three networks, trained from nothing as it trains
+them ([element by element](../../paper/README.md)). Licence: Apache-2.0.
+
+| graph | weights | steps | pairs |
+|---|---|---|---|
+{networks}
+
+In: a crop [128, 128, 4] of the object, display RGB times mask, and mask. Out: importance-weighted irradiance image, LDR
+map [64, 128, 3], ln radiance [64, 128, 3]; Eq. 7-8 combine the maps
+([conventions](../../../../docs/reference/conventions.md)). Weights are stored as int8 and computed as float32. Of hints
+it takes the lens, pitch and roll alone.
+
+## Recipe
+
+    anyprobe-train run paper --data DATA --setting {setting}
+    anyprobe-train paper --data DATA --setting {setting} --graphs src/anyprobe/weights/paper
+
+## Data
+
+{measured} measured maps and {others} procedural or lifted from eight bits, {shapes} shapes ([ASSETS.md](../ASSETS.md)).
+No test map or shape was trained on.
+
+## Scores
+
+On test maps and shapes, beside [the paper's own](../../../../docs/explanation/paper.md); `ours` ships:
+
+{table}
+
+Cropped to the object's box, as estimates are, LDR map: {boxes}.
+
+## Limits
+
+Those of [`lift`](../lift/README.md#limits). It learned from objects of one material alone, cut out exactly.
+"""

@@ -11,6 +11,8 @@ from itertools import pairwise
 import torch
 from torch import nn
 
+from anyprobe.paper.chain import ln_of_scaled
+
 LEAK = 0.2
 DEEPEST = 8
 """Largest number of channels, in widths."""
@@ -105,3 +107,16 @@ class HdrNet(nn.Module):
     def forward(self, ldr: torch.Tensor) -> torch.Tensor:
         """Estimate."""
         return self.unet(ldr)
+
+
+class LnRadiance(nn.Module):
+    """Undo the HDR net's scale."""
+
+    def forward(self, scaled: torch.Tensor) -> torch.Tensor:
+        """Return ln radiance."""
+        return ln_of_scaled(scaled)
+
+
+def in_chain(net: nn.Module) -> nn.Module:
+    """Return a trained network as estimate_light takes it: display values clipped to [0, 1], or ln radiance."""
+    return nn.Sequential(net, LnRadiance() if isinstance(net, HdrNet) else nn.Hardtanh(0.0, 1.0)).eval()

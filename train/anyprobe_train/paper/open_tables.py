@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from anyprobe_train.dataset.asset_store import load_asset_store
 from anyprobe_train.paper.settings import Setting
@@ -11,8 +13,13 @@ from anyprobe_train.paper.tables import FRAMES, Tables, build_tables, cached_tab
 
 OWN_SHAPES = 8
 """Procedural shapes of a split that has no others."""
-SPLITS = {"train": ("sphere",), "test": FRAMES, "all_maps": ("sphere",)}
-"""Tables by name, and what fills their pictures. all_maps: of every licence; nothing that learns from it is shipped."""
+SPLITS = {"train": ("sphere",), "test": FRAMES}
+"""Tables by name, and what fills their pictures."""
+
+
+def about_tables(runs: Path, split: str) -> dict[str, Any]:
+    """Return what the tables of a split hold: names of maps and shapes, exposures, and which maps are measured."""
+    return json.loads((runs / "tables" / split / "about.json").read_text(encoding="utf-8"))
 
 
 def open_tables(
@@ -28,7 +35,7 @@ def open_tables(
         store = load_asset_store(
             data,
             "train" if training else "test",
-            commercial_only=split == "train",
+            commercial_only=training,
             procedural_maps=setting.own_maps if training or data is None else 0,
             procedural_shapes=OWN_SHAPES if data is None else 0,
             report=report,

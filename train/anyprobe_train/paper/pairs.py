@@ -61,9 +61,9 @@ class PaperPairs:
         return turned.permute(0, 3, 1, 2)
 
 
-def drawn(tables: Tables, allowed: np.ndarray, count: int, seed: int, step: int) -> Which:
-    """Draw the pairs of a step: a function of seed and step alone. allowed: numbers of the maps it may have."""
-    rng = np.random.default_rng((seed, step))
+def drawn(tables: Tables, allowed: np.ndarray, count: int, step: int) -> Which:
+    """Draw the pairs of a step: a function of the step alone. allowed: numbers of the maps it may have."""
+    rng = np.random.default_rng(step)
     return Which(
         map=allowed[rng.integers(len(allowed), size=count)],
         view=rng.integers(VIEWS, size=count),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import torch
 from torch import nn
@@ -22,7 +23,6 @@ class Piece:
     network: "irradiance", "illumination", "hdr", or of a rival "sphere" or "mirror".
     sees: what an illumination net learns from: "photo", "estimate" (of irradiance_net) or "truth".
     gradual: whether its targets sharpen (Eq. 6).
-    begins: the piece whose weights it goes on from, with sharp targets. maps: of open_tables.SPLITS.
     """
 
     name: str
@@ -30,31 +30,26 @@ class Piece:
     steps: int
     sees: str = "photo"
     gradual: bool = False
-    begins: str = ""
-    seed: int = 0
-    maps: str = "train"
-
-
-def _light(name: str, sees: str, gradual: bool, steps: int = 100_000, **more) -> Piece:
-    return Piece(name=name, network="illumination", steps=steps, sees=sees, gradual=gradual, **more)
 
 
 PIECES = (
     Piece(name="irradiance_net", network="irradiance", steps=120_000),
-    _light("ours", "estimate", True),
+    Piece(name="ours", network="illumination", steps=100_000, sees="estimate", gradual=True),
     Piece(name="hdr_net", network="hdr", steps=77_000, sees="truth"),
-    _light("irradiance", "estimate", False),
-    _light("direct", "photo", False),
-    _light("ideal", "truth", True),
-    _light("ours_longer", "estimate", True, begins="ours"),
-    _light("ours_again", "estimate", True, seed=1),
-    _light("irradiance_again", "estimate", False, seed=1),
+    Piece(name="irradiance", network="illumination", steps=100_000, sees="estimate"),
+    Piece(name="direct", network="illumination", steps=100_000),
+    Piece(name="ideal", network="illumination", steps=100_000, sees="truth", gradual=True),
     Piece(name="georgoulis", network="sphere", steps=100_000),
     Piece(name="meka", network="mirror", steps=100_000),
-    _light("ours_all_maps", "estimate", True, maps="all_maps"),
 )
-"""ours to ideal: the rows of Table 1; ours_longer: what is shipped; *_again: with another seed; georgoulis and meka:
-the rivals of Figs. 12 and 13."""
+"""The first three ship; ours, irradiance, direct and ideal: the rows of Table 1; georgoulis and meka: the rivals of
+Figs. 12 to 14."""
+
+
+def piece_named(name: str) -> Piece:
+    """Return one of PIECES."""
+    (piece,) = (one for one in PIECES if one.name == name)
+    return piece
 
 
 def steps_of(piece: Piece, setting: Setting) -> int:
@@ -63,8 +58,8 @@ def steps_of(piece: Piece, setting: Setting) -> int:
 
 
 def network_of(piece: Piece, setting: Setting) -> nn.Module:
-    """Build a piece's network; its first weights depend on the seed and its kind alone."""
-    torch.manual_seed(piece.seed)
+    """Build a piece's network; its first weights depend on its kind alone."""
+    torch.manual_seed(0)
     if piece.network == "irradiance":
         return IrradianceNet(setting.side, setting.width)
     if piece.network == "hdr":
@@ -75,19 +70,32 @@ def network_of(piece: Piece, setting: Setting) -> nn.Module:
     return kind(setting.side, setting.rows, setting.width, setting.code)
 
 
-def input_of(piece: Piece, pairs: PaperPairs, irradiance_net: nn.Module | None) -> torch.Tensor:
-    """Return what a piece's network is shown of pairs; irradiance_net: the trained one, for estimates."""
-    if piece.network == "hdr":
-        return pairs.ldr
+class Shown(Protocol):
+    """Pictures of objects: photo [N, 4, S, S], mask [N, 1, S, S], normals [N, 3, S, S], zero off the object."""
+
+    @property
+    def photo(self) -> torch.Tensor: ...
+    @property
+    def mask(self) -> torch.Tensor: ...
+    @property
+    def normals(self) -> torch.Tensor: ...
+
+
+def input_of(piece: Piece, shown: Shown, irradiance_net: nn.Module | None) -> torch.Tensor:
+    """Return what a piece's network sees, of pairs unless it needs the photo alone.
+
+    irradiance_net: the trained one, for estimates.
+    """
     if piece.network == "mirror":
-        return torch.cat([pairs.photo, pairs.normals], dim=1)
+        return torch.cat([shown.photo, shown.normals], dim=1)
     if piece.sees == "truth":
-        return pairs.irradiance
+        assert isinstance(shown, PaperPairs)
+        return shown.ldr if piece.network == "hdr" else shown.irradiance
     if piece.sees == "estimate":
         assert irradiance_net is not None
         with torch.no_grad():
-            return torch.cat([irradiance_net(pairs.photo).float().clip(0.0, 1.0), pairs.mask], dim=1)
-    return pairs.photo
+            return torch.cat([irradiance_net(shown.photo).float().clip(0.0, 1.0), shown.mask], dim=1)
+    return shown.photo
 
 
 def target_of(piece: Piece, pairs: PaperPairs) -> torch.Tensor:
@@ -101,9 +109,8 @@ def target_of(piece: Piece, pairs: PaperPairs) -> torch.Tensor:
     return scaled_ln(pairs.ln_radiance) if piece.network == "hdr" else pairs.ldr
 
 
-def map_of(piece: Piece, estimate: torch.Tensor, pairs: PaperPairs) -> torch.Tensor:
-    """Return the LDR map [N, 3, R, 2 R] that a network's estimate stands for."""
-    rows = pairs.ldr.shape[2]
+def map_of(piece: Piece, estimate: torch.Tensor, shown: Shown, rows: int) -> torch.Tensor:
+    """Return the LDR map [N, 3, rows, 2 rows] that a network's estimate stands for."""
     if piece.network == "mirror":
-        return unwrapped_mirror(estimate, pairs.normals, pairs.mask, rows)
+        return unwrapped_mirror(estimate, shown.normals, shown.mask, rows)
     return unwrapped_sphere(estimate, rows) if piece.network == "sphere" else estimate

@@ -15,6 +15,11 @@ from anyprobe_train.paper.table_1 import write_table
 from anyprobe_train.paper.training import Stopped, Terminated, is_trained, train
 
 
+def print_now(line: str) -> None:
+    """Print a line at once, also into a pipe."""
+    print(line, flush=True)
+
+
 def reproduce(
     data: Path | None,
     runs: Path,
@@ -24,34 +29,32 @@ def reproduce(
     device: str = "cpu",
     only: str = "",
     stop: int | None = None,
-    say: Callable[[str], None] = print,
+    say: Callable[[str], None] = print_now,
 ) -> bool:
-    """Train every piece that is not yet trained, or only one; return False if SIGTERM ended it.
+    """Train every piece that is not yet trained and write Table 1, or train only one; return False if SIGTERM ended it.
 
     data: folder with hdri/ and meshes/; without it maps and shapes are procedural.
     stop: the step at which each piece is left, to test a machine.
     """
     torch.set_num_threads(threads)
-    wanted = [piece for piece in PIECES if only in ("", piece.name)]
-    test, scorers = open_tables(data, runs, setting, "test", say).to(device), {}
-    for piece in wanted:
-        if is_trained(piece, setting, runs):
+    seen, test = (open_tables(data, runs, setting, split, say).to(device) for split in ("train", "test"))
+    scorer = Scorer(seen, test, setting.scored)
+    for piece in PIECES:
+        if only not in ("", piece.name) or is_trained(piece, setting, runs):
             continue
-        if piece.maps not in scorers:
-            seen = open_tables(data, runs, setting, piece.maps, say).to(device)
-            scorers = {piece.maps: (seen, Scorer(seen, test, setting.scored))}
-        seen, scorer = scorers[piece.maps]
         try:
             with Terminated() as terminated:
                 train(piece, setting, seen, scorer, runs, terminated=terminated, say=say, stop=stop)
         except Stopped:
             say(f"{piece.name}: stopped; the same command goes on")
             return False
+    if not only and stop is None:
+        say(write_table_1(data, runs, setting, threads=threads, say=say))
     return True
 
 
 def write_table_1(
-    data: Path | None, runs: Path, setting: Setting, *, threads: int = 1, say: Callable[[str], None] = print
+    data: Path | None, runs: Path, setting: Setting, *, threads: int = 1, say: Callable[[str], None] = print_now
 ) -> str:
     """Score the designs that are trained; return runs/table_1.md."""
     torch.set_num_threads(threads)

@@ -64,5 +64,5 @@ class Scorer:
             mean_map = self._mean_map.to(truth.device).expand_as(truth)
             found |= {"flat": picture_rmse(flat, truth), "mean map": picture_rmse(mean_map, truth)}
         if piece.network in ("sphere", "mirror"):
-            found |= {"ldr": picture_rmse(map_of(piece, estimate, pairs), pairs.ldr)}
+            found |= {"ldr": picture_rmse(map_of(piece, estimate, pairs, pairs.ldr.shape[2]), pairs.ldr)}
         return found

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from anyprobe.core.spelling import did_you_mean
+from anyprobe.errors import InputError
+
 VIEWS = 23
 """Cameras, evenly over the upper hemisphere (Sect. 3.5)."""
 
@@ -51,3 +54,11 @@ SETTINGS = {
 }  # fmt: skip
 """full: what is published. quarter: a quarter of its steps. small: everything within ten minutes of two cores. tiny:
 within a minute."""
+
+
+def setting_named(name: str) -> Setting:
+    """Return one of SETTINGS; InputError lists them."""
+    if name not in SETTINGS:
+        text = f"expected one of {', '.join(SETTINGS)}, got {name!r}{did_you_mean(name, list(SETTINGS))}"
+        raise InputError(text, subject="setting")
+    return SETTINGS[name]

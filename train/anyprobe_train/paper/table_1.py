@@ -15,6 +15,7 @@ from anyprobe.light.filtering import blur_cap
 from anyprobe.paper.chain import estimate_light, ln_of_scaled, scaled_ln
 from anyprobe_train.evaluate.metrics import psnr, rmse, ssim
 from anyprobe_train.evaluate.standard_errors import clustered_error
+from anyprobe_train.paper.networks import in_chain
 from anyprobe_train.paper.pairs import PaperPairs, balanced
 from anyprobe_train.paper.scores import blocks
 from anyprobe_train.paper.settings import Setting
@@ -61,7 +62,7 @@ class Rows:
 @torch.no_grad()
 def score_designs(runs: Path, setting: Setting, tables: Tables, mean_map: torch.Tensor, count: int) -> Rows:
     """Score every design on `count` balanced pairs of tables."""
-    nets = {name: load_net(setting, runs, name) for name in ("irradiance_net", "hdr_net", *DESIGNS)}
+    nets = {name: in_chain(load_net(setting, runs, name)) for name in ("irradiance_net", "hdr_net", *DESIGNS)}
     which = balanced(tables, count, 1)
     found: dict[str, list[float]] = {}
     for pairs in blocks(tables, which):

@@ -16,12 +16,11 @@ from torch import nn
 
 from anyprobe.errors import InputError
 from anyprobe.files.atomic import atomic_path
-from anyprobe.paper.equations import EPOCHS
 from anyprobe_train.nets.blocks import autocast
 from anyprobe_train.paper import schedule
 from anyprobe_train.paper.losses import l2
 from anyprobe_train.paper.pairs import PaperPairs, drawn, pairs_of, reexposed
-from anyprobe_train.paper.pieces import PIECES, Piece, input_of, network_of, steps_of, target_of
+from anyprobe_train.paper.pieces import Piece, input_of, network_of, piece_named, steps_of, target_of
 from anyprobe_train.paper.scores import Scorer
 from anyprobe_train.paper.settings import Setting
 from anyprobe_train.paper.tables import EXPOSURES, Tables
@@ -58,9 +57,9 @@ class Trainer:
         self.device = tables.ldr.device.type
         self.steps = steps_of(piece, setting)
         self.net = placed(network_of(piece, setting), self.device)
-        if piece.begins:
-            self.net.load_state_dict(stored(runs, piece.begins)["net"])
-        self.irradiance_net = load_irradiance_net(setting, runs, self.device) if piece.sees == "estimate" else None
+        self.irradiance_net = None
+        if piece.sees == "estimate":
+            self.irradiance_net = load_net(setting, runs, "irradiance_net", self.device)
         self._optimizer = torch.optim.Adam(
             self.net.parameters(), schedule.RATE, betas=schedule.BETAS, weight_decay=schedule.DECAY, fused=True
         )
@@ -69,11 +68,11 @@ class Trainer:
 
     def pairs(self) -> PaperPairs:
         """Look up the pairs of this step; the HDR net's maps have an exposure of their own (Sect. 3.5)."""
-        which = drawn(self.tables, self._allowed, self.setting.batch, self.piece.seed, self.step)
+        which = drawn(self.tables, self._allowed, self.setting.batch, self.step)
         pairs = pairs_of(self.tables, which)
         if self.piece.network != "hdr":
             return pairs
-        rng = np.random.default_rng((self.piece.seed, self.step, 1))
+        rng = np.random.default_rng((self.step, 1))
         low, high = np.log(EXPOSURES)
         exposure = torch.from_numpy(np.exp(rng.uniform(low, high, size=len(which.map))).astype(np.float32))
         return reexposed(pairs, exposure.to(self.device) / self.tables.exposure[which.map])
@@ -86,8 +85,7 @@ class Trainer:
         pairs = self.pairs()
         truth = target = target_of(self.piece, pairs)
         if self.piece.gradual:
-            epoch = EPOCHS if self.piece.begins else schedule.epoch_of(self.step, self.steps)
-            target = schedule.filtered_target(truth, epoch)
+            target = schedule.filtered_target(truth, schedule.epoch_of(self.step, self.steps))
         self._optimizer.zero_grad()
         with autocast(self.device):
             estimate = self.net(input_of(self.piece, pairs, self.irradiance_net))
@@ -128,6 +126,13 @@ def stored(runs: Path, name: str) -> dict[str, Any]:
     return torch.load(path, weights_only=True, map_location="cpu")
 
 
+def log_of(runs: Path, name: str) -> list[dict[str, float]]:
+    """Read a piece's log in order of steps, each once; InputError if there is none."""
+    stored(runs, name)
+    lines = (runs / name / "log.jsonl").read_text(encoding="utf-8").splitlines()
+    return [line for _, line in sorted({line["step"]: line for line in map(json.loads, lines)}.items())]
+
+
 def is_trained(piece: Piece, setting: Setting, runs: Path) -> bool:
     """Return whether a piece has all its steps."""
     return checkpoint_of(runs, piece.name).is_file() and stored(runs, piece.name)["step"] >= steps_of(piece, setting)
@@ -135,8 +140,7 @@ def is_trained(piece: Piece, setting: Setting, runs: Path) -> bool:
 
 def load_net(setting: Setting, runs: Path, name: str, device: str = "cpu") -> nn.Module:
     """Return a trained piece's network, for estimates."""
-    (piece,) = (one for one in PIECES if one.name == name)
-    net = network_of(piece, setting)
+    net = network_of(piece_named(name), setting)
     net.load_state_dict(stored(runs, name)["net"])
     return placed(net, device).eval().requires_grad_(False)
 
@@ -144,11 +148,6 @@ def load_net(setting: Setting, runs: Path, name: str, device: str = "cpu") -> nn
 def placed(net: nn.Module, device: str) -> nn.Module:
     """Move a network to a device, its channels last in memory."""
     return net.to(device).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
-
-
-def load_irradiance_net(setting: Setting, runs: Path, device: str) -> nn.Module:
-    """Return the first network, which the later ones learn from."""
-    return load_net(setting, runs, "irradiance_net", device)
 
 
 def train(
