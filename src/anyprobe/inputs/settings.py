@@ -13,10 +13,7 @@ from anyprobe.inputs.hints import HintKeywords
 from anyprobe.masks.segmenters import SegmenterSource
 
 DEFAULT_MODEL = "lift"
-MODEL_HELP = (
-    "lift; paper: the stages of Park et al. 2020 with our layers and losses, and targets that are 70 % maps of lift; "
-    "or a folder of ONNX graphs."
-)
+MODEL_HELP = "lift; paper: the chain of Park et al. 2020, trained as its model card says; or a folder of ONNX graphs."
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
