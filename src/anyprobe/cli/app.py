@@ -75,8 +75,9 @@ def main(command: App | Callable[..., None] = app) -> None:
                 command.resolved_commands()
             command(words)
     except CycloptsError as error:
-        cause = error.__cause__
-        _fail(OPTIONS.line(cause.notice) if isinstance(cause, AnyprobeError) else str(error))
+        if isinstance(error.__cause__, AnyprobeError):
+            _fail(OPTIONS.line(error.__cause__.notice))
+        _fail(f"{error} See {' '.join((command.name[0], *(error.command_chain or ()), '--help'))}.")
     except AnyprobeError as error:
         _fail(OPTIONS.line(error.notice))
     except MemoryError:

@@ -19,28 +19,8 @@ from rich.progress import track
 from rich.table import Table
 
 from anyprobe import session
+from anyprobe.cli import options, photo_files
 from anyprobe.cli.marks import Marks, marks_of
-from anyprobe.cli.options import (
-    OPTIONS,
-    ColorspaceOption,
-    FrameOption,
-    JsonOption,
-    MarksOption,
-    ModelOptions,
-    ObjectOptions,
-    Photos,
-    QuietOption,
-    folder_option,
-)
-from anyprobe.cli.photo_files import (
-    check_distinct,
-    check_names,
-    list_photos,
-    photo_line,
-    photo_name,
-    result_stem,
-    shot_of,
-)
 from anyprobe.cli.tables import print_table
 from anyprobe.errors import AnyprobeError, InputError, InvalidPhoto
 from anyprobe.files.atomic import check_folder
@@ -70,17 +50,17 @@ class Done:
 
 
 def estimate(
-    *photos: Annotated[Photos, Parameter(required=True)],
-    given: ObjectOptions = ObjectOptions(),
-    models: ModelOptions = ModelOptions(),
-    out: Annotated[Path, folder_option("Folder for the results.")] = Path("light"),
-    marks: MarksOption = None,
+    *photos: Annotated[options.Photos, Parameter(required=True)],
+    given: options.ObjectOptions = options.ObjectOptions(),
+    models: options.ModelOptions = options.ModelOptions(),
+    out: Annotated[Path, options.folder_option("Folder for the results.")] = Path("light"),
+    marks: options.MarksOption = None,
     poses: Path | None = None,
     size: int = 512,
-    frame: FrameOption = "level",
-    colorspace: ColorspaceOption = "rec709",
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    frame: options.FrameOption = "level",
+    colorspace: options.ColorspaceOption = "rec709",
+    as_json: options.JsonOption = False,
+    quiet: options.QuietOption = False,
 ) -> None:
     """Estimate the light around an object.
 
@@ -93,10 +73,10 @@ def estimate(
     """
     check_rows(size)
     hints = given.hints()
-    listed = list_photos(photos)
+    listed = photo_files.list_photos(photos)
     marked = marks_of(marks, listed)
     if poses is None:
-        check_distinct(listed)
+        photo_files.check_distinct(listed)
     check_folder(out)
     estimator = models.estimator(given.segmenter)
     console = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)
@@ -121,7 +101,7 @@ def estimate(
             else:
                 for number, path in enumerate(steps, start=1):
                     if has_lines:  # a log, which shows no bar
-                        console.print(f"{number} of {len(listed)}: {photo_name(path)}", soft_wrap=True)
+                        console.print(f"{number} of {len(listed)}: {photo_files.photo_name(path)}", soft_wrap=True)
                     results.append(call.estimate([path], [path]))
         except KeyboardInterrupt:
             if poses is None and len(listed) > 1:
@@ -161,7 +141,7 @@ class EstimateCall:
         except AnyprobeError as error:
             if self.poses is not None:
                 raise
-            line = photo_line(first, error)
+            line = photo_files.photo_line(first, error)
             if self.as_json:
                 print(json.dumps({"photo": str(first), "error": line, "code": error.code}), flush=True)
             return Done(photo=first, error=line)
@@ -169,22 +149,22 @@ class EstimateCall:
             files = {kind: str(target) for kind, target in written.items()}
             print(json.dumps({**light.sidecar(), "photo": str(first), "files": files}), flush=True)
         cells = (*_said(light), f"{time.perf_counter() - start:.2f}")
-        return Done(photo=first, stem=result_stem(first, self.listed), cells=cells, warnings=light.warnings)
+        return Done(photo=first, stem=photo_files.result_stem(first, self.listed), cells=cells, warnings=light.warnings)
 
     def _walk(self, paths: list[Path], steps: Iterable[Path]) -> tuple[Light, dict[str, Path]]:
         """Open, mark, estimate and deliver; return the light and its files."""
         from anyprobe.estimate.poses import read_poses
 
-        stem = result_stem(paths[0], self.listed)
+        stem = photo_files.result_stem(paths[0], self.listed)
         poses = None if self.poses is None else read_poses(self.poses)
         shots = []
         for path in paths:
             if poses is not None:  # the last may be missing, and finding objects takes a while
                 with open_regular(path, InvalidPhoto):
                     pass
-            shots.append(shot_of(path, self.hints, self.marks))
+            shots.append(photo_files.shot_of(path, self.hints, self.marks))
             targets = [self.out / f"{stem}{end}" for end in session.PICTURED.values()]
-            check_names(paths[0], self.listed, targets, (self.poses, *shots[-1].hints.files().values()))
+            photo_files.check_names(paths[0], self.listed, targets, (self.poses, *shots[-1].hints.files().values()))
         shots, turns = session.open(shots, poses)
         photos = (self._marked(path, shot) for path, shot in zip(steps, shots, strict=True))
         first = next(photos)
@@ -198,7 +178,7 @@ class EstimateCall:
         except AnyprobeError as error:
             if self.poses is None:
                 raise
-            raise InputError(photo_line(path, error), code=error.code) from error
+            raise InputError(photo_files.photo_line(path, error), code=error.code) from error
 
 
 def _said(light: Light) -> tuple[str, str]:
@@ -233,7 +213,7 @@ def _report(results: list[Done], console: Console, out: Path) -> None:
         files = ", ".join(f"{stem}{suffix}" for suffix in session.PICTURED.values())
         console.print(f"results: {out / files}{stems}", soft_wrap=True)
     for warning in dict.fromkeys(line for result in results for line in result.warnings):
-        console.print(f"warning: {OPTIONS.line(warning)}", soft_wrap=True)
+        console.print(f"warning: {options.OPTIONS.line(warning)}", soft_wrap=True)
 
 
 def _some(names: list[str]) -> str:

@@ -8,16 +8,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 from cyclopts import Parameter
 
 from anyprobe.cli.options import FrameOption, JsonOption, QuietOption, folder_option
 from anyprobe.core.spelling import did_you_mean
 from anyprobe.errors import InputError
-from anyprobe.estimate.saved_map import export_settings
+from anyprobe.estimate.saved_map import export_settings, read_rotation
 from anyprobe.export.exported_light import check_front
 from anyprobe.export.targets import TARGETS
-from anyprobe.inputs.description import numbers_in
 
 _MAX_PIXELS = 8192 * 4096
 """Largest map that is exported [pixels]: some targets take 90 bytes a pixel."""
@@ -54,7 +52,7 @@ def export(
     from anyprobe.maps.radiance import read_radiance
 
     names = target_names(",".join(to or []))
-    rotation = None if world_from_camera is None else parse_rotation(world_from_camera)
+    rotation = read_rotation(world_from_camera)
     for light, folder in folders(lights, out):
         radiance = read_radiance(light, _MAX_PIXELS)
         check_front(light)
@@ -100,16 +98,3 @@ def target_names(text: str, option: str = "to") -> list[str]:
             got = f"{name!r}{did_you_mean(name, [*TARGETS, 'all'])}" if text else "none"
             raise InputError(f"expected any of {', '.join(TARGETS)}, or all, got {got}", subject=option)
     return names
-
-
-def parse_rotation(text: str) -> np.ndarray:
-    """Convert YAW,ELEVATION[,ROLL] in degrees, or nine numbers row by row, to world_from_camera [3, 3]."""
-    from anyprobe.core.frames import rotation_of
-
-    if numbers := numbers_in(text, 2, 3, 9):
-        return rotation_of(numbers)
-    raise InputError(
-        f"expected YAW,ELEVATION[,ROLL] in degrees or nine numbers, got {text!r}; "
-        "for instance --world-from-camera 0,20 for a camera that looks 20 degrees down",
-        subject="world_from_camera",
-    )

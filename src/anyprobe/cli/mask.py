@@ -7,18 +7,9 @@ import sys
 from pathlib import Path
 from typing import Annotated, Any
 
+from anyprobe.cli import photo_files
 from anyprobe.cli.marks import marks_of
 from anyprobe.cli.options import OPTIONS, JsonOption, MarksOption, Photos, PlaceOptions, QuietOption, folder_option
-from anyprobe.cli.photo_files import (
-    check_distinct,
-    check_names,
-    hints_for,
-    list_photos,
-    photo_line,
-    photo_name,
-    photo_source,
-    result_stem,
-)
 from anyprobe.errors import AnyprobeError, InputError
 from anyprobe.files.atomic import check_folder
 from anyprobe.inputs.hints import Hints
@@ -50,14 +41,14 @@ def mask(
             return
         raise InputError("expected photos or folders of photos, got none; give one, or --fetch", subject="photo")
     hints, segmenter = place.hints(), place.open_segmenter()
-    paths = list_photos(photos)
+    paths = photo_files.list_photos(photos)
     marked = marks_of(marks, paths)
-    check_distinct(paths)
+    photo_files.check_distinct(paths)
     check_folder(out)
     failed = False
     for path in paths:
         try:
-            summary = _write(path, out, hints_for(path, hints, marked), paths, segmenter)
+            summary = _write(path, out, photo_files.hints_for(path, hints, marked), paths, segmenter)
             if as_json:
                 print(json.dumps(summary), flush=True)
             elif not quiet:
@@ -66,7 +57,7 @@ def mask(
                 print(f"warning: {warning}", file=sys.stderr)
             failed |= place.strict and bool(summary["warnings"])
         except AnyprobeError as error:
-            print(f"anyprobe: {photo_line(path, error)}", file=sys.stderr)
+            print(f"anyprobe: {photo_files.photo_line(path, error)}", file=sys.stderr)
             failed = True
     if failed:
         sys.exit(2)
@@ -86,9 +77,9 @@ def _write(
     from anyprobe.masks.overlay import draw_overlay
     from anyprobe.pictures.images import read_image, write_png
 
-    targets = {kind: out / f"{result_stem(path, listed)}_{kind}.png" for kind in ("overlay", "mask")}
-    check_names(path, listed, targets.values(), hints.files().values())
-    pixels = read_image(photo_source(path), photo_name(path))
+    targets = {kind: out / f"{photo_files.result_stem(path, listed)}_{kind}.png" for kind in ("overlay", "mask")}
+    photo_files.check_names(path, listed, targets.values(), hints.files().values())
+    pixels = read_image(photo_files.photo_source(path), photo_files.photo_name(path))
     found = find_mask(pixels, **hints.place(), segmenter=segmenter)
     overlay = draw_overlay(pixels.rgb, found.mask, found.prompts.on, found.prompts.off)
     write_png(targets["overlay"], overlay)

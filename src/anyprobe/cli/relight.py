@@ -15,15 +15,7 @@ import numpy as np
 from cyclopts import Group, Parameter
 
 from anyprobe import session
-from anyprobe.cli.options import (
-    OPTIONS,
-    ColorspaceOption,
-    JsonOption,
-    ModelOptions,
-    ObjectOptions,
-    QuietOption,
-    refuse_unused,
-)
+from anyprobe.cli import options
 from anyprobe.cli.photo_files import hints_for, photo_name, photo_source, result_stem
 from anyprobe.errors import InputError, InvalidMask, OutputError, arguments_named
 from anyprobe.files.meshes import MESH_SUFFIXES
@@ -109,8 +101,8 @@ def relight(
     photo: Annotated[Path, Parameter(name="PHOTO")],
     /,
     *,
-    given: ObjectOptions = ObjectOptions(),
-    models: ModelOptions = ModelOptions(),
+    given: options.ObjectOptions = options.ObjectOptions(),
+    models: options.ModelOptions = options.ModelOptions(),
     inserting: InsertOptions = InsertOptions(),
     insert: Annotated[
         str, Parameter(metavar="SHAPE|FILE", help=f"Object to insert: {SHAPES}, or a mesh ({MESHES}), +Y up.")
@@ -121,9 +113,9 @@ def relight(
     before: bool = False,
     renderer: Renderer = "auto",
     light: Path | None = None,
-    colorspace: ColorspaceOption = "rec709",
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    colorspace: options.ColorspaceOption = "rec709",
+    as_json: options.JsonOption = False,
+    quiet: options.QuietOption = False,
 ) -> None:
     """Insert a virtual object, lit by the estimated light.
 
@@ -151,9 +143,9 @@ def relight(
     if photo.is_dir():
         raise InputError("is a folder; name one photo", subject="photo", source=photo)
     if light is not None:
-        refuse_unused("with --light", *OF_ESTIMATES)
+        options.refuse_unused("with --light", *OF_ESTIMATES)
     if strip:
-        refuse_unused("with --strip, which shows all materials", "insert_material")
+        options.refuse_unused("with --strip, which shows all materials", "insert_material")
     material, size, strict = inserting.insert_material, inserting.scale, given.strict
     hints, segmenter = hints_for(photo, given.hints()), given.open_segmenter()
     contact, mesh = inserting.foot(), inserting.mesh(insert)
@@ -165,9 +157,9 @@ def relight(
             f"expected a name that ends in {', '.join(_SUFFIXES)}, got {kind or 'no suffix'}; change it", source=out
         )
     if kind == ".exr":
-        refuse_unused("with an .exr, which has layers", "strip", "before")
+        options.refuse_unused("with an .exr, which has layers", "strip", "before")
     else:
-        refuse_unused("without an .exr", "colorspace")
+        options.refuse_unused("without an .exr", "colorspace")
     inputs = (photo, light, *hints.files().values())
     if any(is_same_file(out, path) for path in inputs if isinstance(path, Path)):
         raise OutputError("the result would replace an input; choose another name with -o", source=out)
@@ -223,11 +215,11 @@ def relight(
         "long_fov_deg": round(stage.view.long_fov_deg, 2),
         "light_gain": round(gain, 3),
         "scale": round(size * stage.placement.share, 3),
-        "warnings": [OPTIONS.line(line) for line in warnings],
+        "warnings": [options.OPTIONS.line(line) for line in warnings],
     }
     for line in warnings:
         if not silent:
-            print(f"warning: {OPTIONS.line(line)}", file=sys.stderr)
+            print(f"warning: {options.OPTIONS.line(line)}", file=sys.stderr)
     if as_json:
         print(json.dumps(summary))
     elif not quiet:
@@ -263,7 +255,7 @@ def _pitch(stage: Stage, photo: Photo, ground: Ground | None) -> str:
 
 
 def _radiance(
-    photo: Photo, source: Estimator | tuple[np.ndarray, dict[str, Any], np.ndarray], models: ModelOptions
+    photo: Photo, source: Estimator | tuple[np.ndarray, dict[str, Any], np.ndarray], models: options.ModelOptions
 ) -> tuple[np.ndarray, float, Ground | None, tuple[str, ...]]:
     """Return radiance, gain, ground and warnings of the given map, as read_with_origin reads it, or of an estimate.
 

@@ -14,16 +14,7 @@ from cyclopts import Parameter
 from rich.console import Console
 from rich.progress import Progress
 
-from anyprobe.cli.options import (
-    OPTIONS,
-    JsonOption,
-    ModelOptions,
-    ObjectOptions,
-    QuietOption,
-    bounded,
-    folder_option,
-    refuse_unused,
-)
+from anyprobe.cli import options
 from anyprobe.cli.relight import PLACING, SHAPES, InsertOptions, Renderer, placing, progress
 from anyprobe.errors import InputError, arguments_named
 
@@ -37,20 +28,20 @@ def video(
     clip: Annotated[Path, Parameter(name="CLIP")],
     /,
     *,
-    given: ObjectOptions = ObjectOptions(),
-    models: ModelOptions = ModelOptions(),
+    given: options.ObjectOptions = options.ObjectOptions(),
+    models: options.ModelOptions = options.ModelOptions(),
     inserting: InsertOptions = InsertOptions(),
-    out: Annotated[Path | None, folder_option("Folder for the results; default: <stem>_light.")] = None,
+    out: Annotated[Path | None, options.folder_option("Folder for the results; default: <stem>_light.")] = None,
     insert: Annotated[
         str | None, Parameter(metavar="SHAPE|FILE", help=f"Also write relit.mp4 with {SHAPES}, or a mesh file.")
     ] = None,
     renderer: Renderer = "own",
-    every: Annotated[int, Parameter(metavar="N"), bounded(1)] = 1,
+    every: Annotated[int, Parameter(metavar="N"), options.bounded(1)] = 1,
     exr: bool = False,
     poses: Path | None = None,
     restart: bool = False,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    as_json: options.JsonOption = False,
+    quiet: options.QuietOption = False,
 ) -> None:
     """Estimate the light in every frame of a clip.
 
@@ -76,7 +67,7 @@ def video(
     from anyprobe.video.track import forget_run
 
     if insert is None:
-        refuse_unused("without --insert", "insert_material", "at", "scale", "renderer")
+        options.refuse_unused("without --insert", "insert_material", "at", "scale", "renderer")
     out = out or Path(f"{clip.stem}_light")
     name, material, size = insert, inserting.insert_material, inserting.scale
     hints, segmenter = given.hints(), given.open_segmenter()
@@ -155,20 +146,22 @@ def video(
         raise
     seconds = time.monotonic() - start
     for index, line in outcome.bad:
-        console.print(f"warning: {_named(index, OPTIONS.line(line))} (the previous light is kept)", soft_wrap=True)
+        console.print(
+            f"warning: {_named(index, options.OPTIONS.line(line))} (the previous light is kept)", soft_wrap=True
+        )
     if outcome.damaged:
         console.print(f"warning: {clip.name}: {outcome.damaged} damaged pieces skipped", soft_wrap=True)
     warnings = [*header.warnings, *outcome.notes, *(one.naming(PLACING) for one in run.place_warnings)]
     for line in warnings:
-        console.print(f"warning: {OPTIONS.line(line)}", soft_wrap=True)
+        console.print(f"warning: {options.OPTIONS.line(line)}", soft_wrap=True)
     summary = {
         "track": str(out / "track.json"),
         "light": str(out / "light.mp4"),
         "relit": str(out / "relit.mp4") if virtual else None,
         "frames": outcome.frames,
-        "bad": [{"index": index, "error": OPTIONS.line(line)} for index, line in outcome.bad],
+        "bad": [{"index": index, "error": options.OPTIONS.line(line)} for index, line in outcome.bad],
         "damaged": outcome.damaged,
-        "warnings": [OPTIONS.line(line) for line in warnings],
+        "warnings": [options.OPTIONS.line(line) for line in warnings],
         "seconds": round(seconds, 2),
     }
     if as_json:

@@ -7,11 +7,25 @@ from typing import Any
 
 import numpy as np
 
-from anyprobe.core.frames import is_rotation
+from anyprobe.core.frames import is_rotation, rotation_of
 from anyprobe.errors import InputError
 from anyprobe.estimate.ground import Ground, levelled
 from anyprobe.estimate.sidecar import FRAME, error_stated
 from anyprobe.export.exported_light import map_from_camera, origin_of, origin_turned, sidecar_beside
+from anyprobe.inputs.description import numbers_in
+
+
+def read_rotation(text: str | None) -> np.ndarray | None:
+    """Convert YAW,ELEVATION[,ROLL] in degrees, or nine numbers row by row, to world_from_camera [3, 3]; None stays."""
+    if text is None:
+        return None
+    if numbers := numbers_in(text, 2, 3, 9):
+        return rotation_of(numbers)
+    raise InputError(
+        f"expected YAW,ELEVATION[,ROLL] in degrees or nine numbers, got {text[:60]!r}; "
+        "for instance 0,20 for a camera that looks 20 degrees down",
+        subject="world_from_camera",
+    )
 
 
 def export_settings(path: Path, world_from_camera: np.ndarray | None, *, is_level: bool) -> dict[str, Any]:

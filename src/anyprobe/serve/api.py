@@ -27,6 +27,7 @@ from anyprobe import __version__, session
 from anyprobe.errors import AnyprobeError, InputError, MissingExtra
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.extract import Extract
+from anyprobe.estimate.result import LEVEL
 from anyprobe.export.targets import TARGETS
 from anyprobe.serve import answers, forms, tasks
 from anyprobe.serve.counters import Counted, Metrics
@@ -251,7 +252,15 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
         form: Annotated[ExportForm, FormBody(media_type="multipart/form-data")],
     ) -> Response:
         """Export a map as the files of one target, in a zip."""
-        archive = await decode(request, partial(tasks.export_zip, target=target), await form.sent(), False)
+        task = partial(
+            tasks.export_zip,
+            target=target,
+            sidecar=None if form.sidecar is None else await form.sidecar.read(),
+            world_from_camera=form.world_from_camera,
+            is_level=form.frame == LEVEL,
+            exposure_ev=form.exposure,
+        )
+        archive = await decode(request, task, await form.photo.read(), False)
         name = f'attachment; filename="light_{target}.zip"'
         return Response(archive, media_type="application/zip", headers={"Content-Disposition": name})
 

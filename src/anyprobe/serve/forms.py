@@ -19,10 +19,9 @@ from anyprobe.errors import InputError, InvalidMask
 from anyprobe.estimate.poses import parse_poses
 from anyprobe.estimate.result import FRAMES, LEVEL
 from anyprobe.export.targets import TARGETS
-from anyprobe.inputs.description import Hint, numbers_in
+from anyprobe.inputs.description import Hint
 from anyprobe.inputs.hints import HINTS, Hints
 from anyprobe.serve.limits import MAX_PHOTOS
-from anyprobe.serve.tasks import SentMap
 from anyprobe.session import Shot
 
 TargetName = Literal[tuple(TARGETS)]  # type: ignore[valid-type]  # known at run time
@@ -112,22 +111,6 @@ class ExportForm(Form):
         LEVEL,
         description="level: +Y is up in the place, where the sidecar states the camera's pitch; camera: the map's own.",
     )
-
-    async def sent(self) -> SentMap:
-        """Return what was sent, files read."""
-        turn = None
-        if self.world_from_camera is not None and not (turn := numbers_in(self.world_from_camera, 2, 3, 9)):
-            raise InputError(
-                f"expected YAW,ELEVATION[,ROLL] in degrees or nine numbers, got {self.world_from_camera[:60]!r}",
-                subject="world_from_camera",
-            )
-        return SentMap(
-            data=await self.photo.read(),
-            sidecar=None if self.sidecar is None else await self.sidecar.read(),
-            exposure_ev=self.exposure,
-            world_from_camera=turn,
-            is_level=self.frame == LEVEL,
-        )
 
 
 FORMS: dict[str, type[Form]] = {"/v1/estimate": EstimateForm, "/v1/mask": MaskForm, "/v1/photo": PhotoForm}

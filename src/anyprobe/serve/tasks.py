@@ -5,7 +5,6 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +12,10 @@ import numpy as np
 from PIL import Image
 
 from anyprobe import session
-from anyprobe.core.frames import rotation_of
 from anyprobe.errors import InputError, InvalidEnvironment
 from anyprobe.estimate.extract import Extract, extract_of
 from anyprobe.estimate.photo import Photo
-from anyprobe.estimate.saved_map import export_settings
+from anyprobe.estimate.saved_map import export_settings, read_rotation
 from anyprobe.maps.radiance import read_radiance
 from anyprobe.notices import leave_out
 from anyprobe.pictures.declared_size import declared_pixels
@@ -31,25 +29,6 @@ PAGE_LONG_PX = 2048
 
 QUICK_STARTS = (b"\xff\xd8\xff", b"\x89PNG", b"RIFF")
 """First bytes of JPEG, PNG and WebP."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class SentMap:
-    """A map that is exported.
-
-    Attributes:
-        data: the bytes of an .exr or .hdr.
-        sidecar: those of its .json.
-        exposure_ev: exposure change [stops].
-        world_from_camera: rotation: 2 or 3 angles in degrees, or 9 numbers of a matrix; None: see is_level.
-        is_level: whether +Y is up in the place, where the sidecar states the camera's pitch.
-    """
-
-    data: bytes
-    sidecar: bytes | None = None
-    exposure_ev: float = 0.0
-    world_from_camera: tuple[float, ...] | None = None
-    is_level: bool = True
 
 
 class TooManyPixels(InputError):
@@ -109,29 +88,43 @@ def upright(shot: Shot, max_pixels: int) -> tuple[bytes, float | None]:
     return png(np.asarray(image)), fov_deg
 
 
-def export_zip(sent: SentMap, max_pixels: int, target: str) -> bytes:
-    """Export a map for one target, as a zip."""
+def export_zip(
+    data: bytes,
+    max_pixels: int,
+    target: str,
+    *,
+    sidecar: bytes | None = None,
+    world_from_camera: str | None = None,
+    is_level: bool = True,
+    exposure_ev: float = 0.0,
+) -> bytes:
+    """Export a map for one target, as a zip.
+
+    Args:
+        data: the bytes of an .exr or .hdr; sidecar: those of its .json.
+        world_from_camera: a text for read_rotation; None: see is_level.
+        is_level: whether +Y is up in the place, where the sidecar states the camera's pitch.
+        exposure_ev: exposure change [stops].
+    """
     from anyprobe.export.targets import write_export
 
-    _check_pixels([("map", sent.data)], min(max_pixels, 2 * MAX_MAP_ROWS**2))
-    if len(sent.sidecar or b"") > MAX_SENT_SIDECAR_BYTES:
+    _check_pixels([("map", data)], min(max_pixels, 2 * MAX_MAP_ROWS**2))
+    if len(sidecar or b"") > MAX_SENT_SIDECAR_BYTES:
         raise InputError(f"expected at most {MAX_SENT_SIDECAR_BYTES / 2**20:g} MiB, got more", subject="sidecar")
-    with _map_file(sent.data, sidecar=sent.sidecar) as path, tempfile.TemporaryDirectory() as folder:
-        radiance = read_radiance(path)
-        turn = None if sent.world_from_camera is None else rotation_of(sent.world_from_camera)
-        settings = export_settings(path, turn, is_level=sent.is_level)
-        write_export(radiance, target, Path(folder), "light", exposure_ev=sent.exposure_ev, **settings)
+    turn = read_rotation(world_from_camera)
+    with _map_file(data, sidecar) as path, tempfile.TemporaryDirectory() as folder:
+        settings = export_settings(path, turn, is_level=is_level)
+        write_export(read_radiance(path), target, Path(folder), "light", exposure_ev=exposure_ev, **settings)
         return zip_folder(Path(folder))
 
 
 @contextmanager
-def _map_file(data: bytes, name: str = "map", sidecar: bytes | None = None) -> Iterator[Path]:
-    """Write a map's bytes to a temporary file, its .json beside it, and check that its front is in the centre; errors
-    call it by `name`."""
+def _map_file(data: bytes, sidecar: bytes | None) -> Iterator[Path]:
+    """Write a map's bytes to a temporary file, its .json beside it, and check that its front is in the centre."""
     from anyprobe.export.exported_light import check_front
 
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / f"{name}{'.hdr' if data.startswith(b'#?') else '.exr'}"
+        path = Path(folder) / f"map{'.hdr' if data.startswith(b'#?') else '.exr'}"
         path.write_bytes(data)
         beside = path.with_suffix(".json")
         if sidecar is not None:
@@ -144,7 +137,7 @@ def _map_file(data: bytes, name: str = "map", sidecar: bytes | None = None) -> I
                 text = "expected the .json of this map as it was written, got a damaged one"
                 raise InputError(text, subject="sidecar", remedy=leave_out("sidecar")) from error
             is_about_file = error.notice.source in (str(path), path.name)
-            raise InvalidEnvironment(error.notice.of(name) if is_about_file else error) from error
+            raise InvalidEnvironment(error.notice.of("map") if is_about_file else error) from error
 
 
 def _marked(shot: Shot, max_pixels: int) -> Photo:
