@@ -8,18 +8,16 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from support.folders import snapshot
 from support.some_pair import sphere_pair
 
 from anyprobe.estimate.runtime import Models
 from anyprobe.inputs.settings import DEFAULT_MODEL
-from anyprobe.maps.radiance import write_exr, write_hdr
+from anyprobe.maps.radiance import write_exr
 from anyprobe.pictures.images import read_image
-from anyprobe_train.cli.evaluate import SEED
 from anyprobe_train.dataset import catalog
 from anyprobe_train.dataset import pair as pair_module
 from anyprobe_train.dataset.asset_store import AssetStore, own_map, own_shape
-from anyprobe_train.dataset.recipe import WORLD, balanced_recipes, digest, world_recipes
+from anyprobe_train.dataset.recipe import WORLD, digest, world_recipes
 from anyprobe_train.evaluate import methods, scoring
 
 TRUTH = ["one flat colour", "truth blurred by 15 degrees", "truth blurred by 30 degrees"]
@@ -145,31 +143,6 @@ def test_written_photos_are_all_that_a_method_is_given(work, command, rendered):
         assert one["fov_deg"] == pytest.approx(2 * np.degrees(np.arctan(0.1)))
         assert not {"map", "shape", "radiance"} & set(one)
         assert read_image(work / "photos" / one["photo"]).rgb.shape[:2] == (one["height"], one["width"])
-
-
-@pytest.mark.ci
-@pytest.mark.parametrize(
-    ("prepare", "words"),
-    [
-        (lambda folder: folder.rmdir(), "expected a folder of maps named by key"),
-        (lambda folder: None, "expected 4 maps named by key, got none for 4 of them"),
-        (lambda folder: write_everywhere(folder, np.zeros((64, 128, 3))), "expected light, got a black map"),
-    ],
-)
-def test_predictions_that_cannot_be_scored_are_refused(work, command, rendered, prepare, words):
-    (work / "maps").mkdir()
-    prepare(work / "maps")
-    before = snapshot(work)
-    assert words in command("evaluate", *ASSETS, "--predictions", "maps").complaint
-    assert snapshot(work) == before
-    assert not rendered, "refused before anything is rendered"
-
-
-def write_everywhere(folder, radiance, suffixes=(".exr",)) -> None:
-    store = AssetStore([own_map(1, 1)], [own_shape(1, 1)])
-    for recipe in balanced_recipes(store, 4, SEED):
-        for suffix in suffixes:
-            {".exr": write_exr, ".hdr": write_hdr}[suffix](folder / f"{recipe.key}{suffix}", radiance)
 
 
 @pytest.mark.ci

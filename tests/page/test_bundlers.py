@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 from support.browser import run_steps, serve
-from support.bundlers import BUNDLERS, RUNTIME, THREE, VITE, Bundler, emitted, install, page, run
+from support.bundlers import BUNDLERS, VITE, Bundler, emitted, page
 
 ROOT = Path(__file__).parents[2]
 WEB = ROOT / "web"
@@ -97,24 +97,6 @@ def test_bundler_that_copies_no_files_fails_at_build_time(packed, tmp_path, name
     bundler = replace(BUNDLERS[name], sources={"main.js": source})
     with pytest.raises(AssertionError, match=r"this-bundler-copies-no-files-import-anyprobe-core\.js"):
         bundler.build(packed, tmp_path)
-
-
-@pytest.mark.slow
-def test_types_are_found_as_older_typescript_looks_for_them(packed, tmp_path):
-    """By `main` and `typesVersions`, without `exports`."""
-    program = """
-    import { AnyProbe, type Light } from "anyprobe";
-    import { AnyProbe as Core } from "anyprobe/core";
-    import { encodeExr } from "anyprobe/exr";
-    import { ProbeLight } from "anyprobe/three";
-    export const light = async (one: Light) => new ProbeLight(await AnyProbe.load()).update(one);
-    export const others = [Core, encodeExr];
-    """
-    (tmp_path / "main.ts").write_text(program)
-    (tmp_path / "package.json").write_text('{"private": true}')
-    install(tmp_path, packed, "typescript@5.9.3", "@types/three@0.187.0", RUNTIME, THREE)
-    options = ("--noEmit", "--strict", "--skipLibCheck", "--target", "es2022", "--lib", "es2022,dom,esnext.disposable")
-    run(tmp_path, "npx", "tsc", *options, "--moduleResolution", "node10", "--module", "commonjs", "main.ts")
 
 
 @pytest.mark.parametrize(

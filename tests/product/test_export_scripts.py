@@ -81,14 +81,6 @@ def test_unity_takes_the_intensity_as_linear(unity):
     assert "Sun.useColorTemperature = false;" in unity
 
 
-def test_unity_says_that_a_project_takes_one_copy(tmp_path):
-    """Two files of the class AnyprobeLight in one project do not compile; one serves every light."""
-    paths = [export(map_like(v), "unity", tmp_path / f"{v}", f"l{v}") for v in (0.5, 2.0)]
-    texts = [next(p for p in files if p.suffix == ".cs").read_text() for files in paths]
-    assert texts[0] == texts[1]
-    assert "once per project" in texts[0].split("using System;")[0]
-
-
 def test_unity_mirrors_the_sky_without_the_dominant_light_beside_a_sun(unity):
     assert "Texture map = Sun != null ? AmbientMap : FullMap;" in unity
     assert 'sky.SetTexture("_MainTex", map);' in unity

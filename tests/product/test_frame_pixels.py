@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from fractions import Fraction
 from pathlib import Path
 
@@ -134,67 +133,6 @@ def test_a_relit_clip_says_that_its_pixels_are_square(tmp_path):
     write_piece(tmp_path / "a.mp4", [(0.0, np.zeros((32, 48, 3), np.uint8))])
     with av.open(str(tmp_path / "a.mp4")) as container:
         assert container.streams.video[0].codec_context.sample_aspect_ratio == 1
-
-
-def encoded(sizes, codec="libx264") -> bytes:
-    """A raw H.264 stream of pictures of these widths and heights: a bright disc on grey."""
-    found = b""
-    for width, height in sizes:
-        stream = io.BytesIO()
-        with av.open(stream, "w", format="h264") as container:
-            out = container.add_stream(codec, rate=10)
-            out.width, out.height, out.pix_fmt = width, height, "yuv420p"
-            y, x = np.mgrid[:height, :width]
-            disc = np.hypot(x - width / 2, y - height / 2) < min(width, height) / 4
-            picture = np.where(disc[..., None], 220, 90).astype(np.uint8).repeat(3, -1)
-            container.mux(out.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
-            container.mux(out.encode())
-        found += stream.getvalue()
-    return found
-
-
-@pytest.mark.parametrize("other", [(64, 48), (96, 128), (256, 96)])
-def test_frames_of_another_size_are_fitted_into_the_first_s(tmp_path, other):
-    (tmp_path / "a.h264").write_bytes(encoded([(128, 96), (128, 96), other, other]))
-    found = frames(tmp_path / "a.h264")
-    assert {frame.rgb.shape for frame in found} == {(96, 128, 3)}
-    assert [bool(frame.note) for frame in found] == [False, False, True, False]
-    assert f"{other[0]} x {other[1]}" in found[2].note
-    disc = found[2].rgb[..., 1] > 160
-    y, x = np.nonzero(disc)
-    assert x.max() - x.min() == pytest.approx(y.max() - y.min(), abs=2)  # still round
-    scale = min(128 / other[0], 96 / other[1])
-    assert x.max() - x.min() == pytest.approx(scale * min(other) / 2, abs=3)
-
-
-def moving(container, colour, size=(64, 48), count=3):
-    stream = container.add_stream("mpeg4", rate=10)
-    stream.width, stream.height, stream.pix_fmt = *size, "yuv420p"
-    return stream, [np.full((size[1], size[0], 3), colour, np.uint8)] * count
-
-
-def mux(container, stream, pictures) -> None:
-    for picture in pictures:
-        container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
-    container.mux(stream.encode())
-
-
-@pytest.mark.parametrize("suffix", ["mkv", "mp4", "mov", "avi"])
-def test_a_cover_before_the_clip_is_not_the_clip(tmp_path, suffix):
-    """Of AVI and MOV it is a stream like any other, of one picture."""
-    path = tmp_path / f"a.{suffix}"
-    with av.open(str(path), "w") as container:
-        cover = container.add_stream("mjpeg", rate=10)
-        cover.width, cover.height, cover.pix_fmt = 200, 200, "yuvj420p"
-        if suffix in ("mkv", "mp4"):
-            cover.disposition = av.stream.Disposition.attached_pic
-        clip, pictures = moving(container, 200)
-        mux(container, cover, [np.zeros((200, 200, 3), np.uint8)])
-        mux(container, clip, pictures)
-    found = frames(path)
-    assert len(found) == 3
-    assert found[0].rgb.shape == (48, 64, 3)
-    assert open_clip(path).warnings == ()
 
 
 def test_an_interlaced_clip_comes_out_whole():

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.refused import refused
 
 import anyprobe
 from anyprobe.core.camera import PinholeCamera
@@ -143,36 +142,6 @@ def test_a_sun_keeps_its_power_in_files(tmp_path, radius_deg, suffix):
     assert kept.max() > HALF_MAX
     total = [float((one.mean(axis=-1) * areas).sum()) for one in (radiance, kept)]
     assert total[1] == pytest.approx(total[0], rel=0.01)
-
-
-def test_the_frame_of_a_panorama_and_of_exports(tmp_path, monkeypatch):
-    ground = {
-        "pitch_deg": 30.0,
-        "pitch_error_deg": 3.0,
-        "roll_deg": 0.0,
-        "contact": [1.0, 2.0],
-        "source": "estimated",
-        "is_doubtful": False,
-    }
-    light = anyprobe.Light(radiance=place_map(), origin=Origin(ground=Ground.of(ground)))
-    level, camera = light.panorama(64), light.panorama(64, frame="camera")
-    assert level.is_level
-    assert not camera.is_level
-    np.testing.assert_allclose(camera.frame_from_camera, np.eye(3))
-    np.testing.assert_allclose(level.frame_from_camera @ up_of(30.0), [0, 1, 0], atol=1e-12)
-    with refused("frame"):
-        light.panorama(64, frame="world")
-    with refused("size"):
-        light.panorama(100)
-    exported = {f: light.export("blender", tmp_path / f, frame=f) for f in ("level", "camera")}
-    said = [json.loads(next(p for p in paths if p.suffix == ".json").read_text()) for paths in exported.values()]
-    assert said[0]["origin"]["level"].startswith("+Y is up: turned by the camera's pitch of 30.0")
-    assert said[1]["origin"]["level"] == "in the camera's frame: +Y is up in the photo, not in the place"
-    np.testing.assert_allclose(said[1]["world_from_camera"], np.eye(3))
-    np.testing.assert_allclose(np.array(said[0]["world_from_camera"]) @ up_of(30.0), [0, 1, 0], atol=1e-5)
-    level.save(tmp_path / "a_panorama.exr")
-    again = anyprobe.Light.load(tmp_path / "a_panorama.exr")
-    np.testing.assert_allclose(again.map_from_camera, level.frame_from_camera, atol=1e-5)
 
 
 @pytest.mark.parametrize(

@@ -9,11 +9,9 @@ from support.some_pair import sphere_pair
 
 from anyprobe.core.response import inverse_response, response
 from anyprobe.errors import InputError
-from anyprobe.estimate.light_graph import Said
-from anyprobe.scatter.materials import total_reflectance
 from anyprobe_train.dataset.asset_store import AssetStore
 from research import left_out
-from research.export_weights.calibrate import calibrate, calibrate_errors, fit_logit, to_logit
+from research.export_weights.calibrate import calibrate, fit_logit, to_logit
 
 
 def test_a_fitted_logit_gives_back_what_was_done_to_it(rng):
@@ -49,32 +47,6 @@ def test_a_model_that_boasts_is_told_by_how_much(rng):
     slope, offset = calibrate(lambda inputs: next(given), pairs)
     chance = 1 / (1 + np.exp(-(slope * to_logit(np.array([0.9, 0.5, 0.1])) + offset)))
     np.testing.assert_allclose(chance, [0.6, 0.3, 0.05], atol=0.1)
-
-
-def test_claimed_errors_hold_in_two_of_three_cases():
-    """A model whose map is twice too bright, whose colour is true and which claims half a stop."""
-    pairs = [sphere_pair(seed) for seed in range(3)]
-    answers = iter([pair for pair in pairs for _ in range(2)])
-
-    def model(inputs):
-        pair = next(answers)
-        return Said(
-            radiance=2 * pair.radiance,
-            crop=pair.crop,
-            crop_frame=np.vstack([np.eye(3), [[pair.tan_half, 64.0, 64.0]]]),
-            irradiance=pair.irradiance,
-            object_normals=pair.normals[::2, ::2],
-            object_material=np.array([0.0, 0.3, 0.3, 0.3, 0.5]),
-            errors=np.array([10.0, 0.5 * np.log(2.0), 1.0]),
-            seen=np.ones((64, 128, 4), np.float32),  # what is seen is not changed by a given material
-        )
-
-    of_reflectance, of_level, of_color = calibrate_errors(model, pairs)
-    assert of_level == pytest.approx(2.0, rel=1e-5)
-    assert of_color == pytest.approx(0.0, abs=0.05)
-    given = pairs[0].material
-    true = np.log(0.3 / total_reflectance(given.albedo, given.f0))
-    assert of_reflectance == pytest.approx(np.abs(true).mean() / 0.5, rel=0.5)
 
 
 def test_what_is_left_out_is_what_no_run_learns_from(monkeypatch):

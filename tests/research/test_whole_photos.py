@@ -86,19 +86,6 @@ def test_photo_and_truth_are_in_the_same_units():
 
 
 @pytest.mark.ci
-def test_cut_outs_show_nothing_of_the_scene():
-    kinds = Counter(scene.cut_out for scene in SCENES)
-    assert kinds[""] > 12
-    assert kinds["alpha"] + kinds["plain"] > 0
-    for scene, recipe in zip(SCENES, RECIPES, strict=True):
-        photo = _photo(scene, recipe)
-        assert (photo.picture.shape[2] == 4) == (scene.cut_out == "alpha")
-        around = photo.picture[~photo.mask]
-        if scene.cut_out:
-            assert around.std(axis=0).max() < 1e-6
-
-
-@pytest.mark.ci
 def test_own_maps_of_whole_photos_score_as_the_row_itself(tmp_path, monkeypatch, command):
     """Photos are written with what a method may know; maps that are read back have the figures of those written."""
     photos = [_photo(scene, recipe) for scene, recipe in zip(SCENES[:12], RECIPES[:12], strict=True)]
