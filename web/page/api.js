@@ -1,4 +1,4 @@
-/** The OpenAPI page: what the server says of itself, in the usual form. */
+/** The page of the server's OpenAPI description. */
 
 import SwaggerUI from "swagger-ui-dist/swagger-ui-es-bundle.js";
 import "swagger-ui-dist/swagger-ui.css";

@@ -11,12 +11,12 @@ const FRAME =
 const SCALE =
   "linear Rec. 709 radiance in the photo's exposure units: 1 is what the camera's curve maps to white";
 
-/** Of the keys; files that do not say one are of an older release. */
+/** Version of the keys; files without one are of an older release. */
 const VERSION = 4;
 
 const numbers = (values) => Array.from(values, (value) => Number(value.toFixed(6)));
 
-/** Everything but the pixels, in the keys of Light.sidecar. */
+/** Everything but the pixels, with the keys of Light.sidecar. */
 export function sidecar(result, { photo, model, longFovDeg }) {
   const { sh9, dominant, hints, ground, soft, wellExposedFraction, meanConfidence, object, uncertainty } = result.light;
   return {

@@ -1,11 +1,11 @@
-/** The finished example: a photo, and the server's own answer for it. */
+/** The example with its result: a photo, and the server's answer for it. */
 
 import { Light, describe } from "../src/light/light.js";
 import { shadeSpheres } from "../src/light/spheres.js";
 import { readBitmap } from "./openPhoto.js";
 import { askServer } from "./server.js";
 
-/** What comes with the page. */
+/** Files that come with the page. */
 export const fetchExample = (path) => askServer(path, { does: "has the examples", advice: "start it again, or choose a photo" });
 
 export async function readExample() {

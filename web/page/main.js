@@ -1,4 +1,4 @@
-/** The page: what is on show, and what happens to it. */
+/** The page: the photo on show and what the user does with it. */
 
 import { LightPanel } from "./view/lightPanel.js";
 import { Marking, NO_HINTS } from "./view/marking.js";
@@ -21,7 +21,7 @@ if (config.server && !["localhost", "127.0.0.1", "[::1]"].includes(location.host
   element("private").textContent = "Photos stay in this browser; HEIC and exports go to the machine that serves this page.";
 }
 
-/** What is not known of an object before it is found: its mask and box, the marks by which it is, its light. */
+/** An object before it is found: no mask, box, marks or light. */
 const NOTHING = { mask: null, box: null, hints: NO_HINTS, found: null, result: null };
 
 /** The photo on show, also behind the camera's picture: picture, name and lens, with NOTHING or more; null before the first. */
@@ -156,7 +156,7 @@ const live = new LiveSession({
   onFault: (error) => (isLive() ? machine.send("failed", { error }) : setStatus(errorLine(error), "fault")),
 });
 
-/** The file that is on its way. @type {string | null} */
+/** The file being fetched. @type {string | null} */
 let fetched = null;
 
 /** One line a file with a bar, and one where it stalls; lines of the camera stay once it is followed. */
@@ -176,7 +176,7 @@ function say(...line) {
   if (!live.opening) setStatus(...line);
 }
 
-/** A picture in the place of another or of the camera's. */
+/** Show a picture in place of another or of the camera's. */
 function put(found) {
   live.stop();
   shown = { ...NOTHING, ...found };
@@ -232,12 +232,12 @@ function sayLit(seconds) {
   say(`Estimated: ${search}light in ${result.seconds.toFixed(1)} s. If the outline is wrong, click on the object, or draw a box around it.`);
 }
 
-/** Of a mark that found nothing: the last object and its light stay, the mark does not. */
+/** Drop a mark that found nothing; the last object and its light stay. */
 function staying(found) {
   return [`${sentence(found?.notices[0])} The last object and its light stay: click on the object, or draw a box around it.`, "warning"];
 }
 
-/** Of pictures that are being opened, one that is ready after another was chosen is dropped. */
+/** A picture that is ready after another was chosen is dropped. */
 let choice = 0;
 
 async function choose(event, read) {
@@ -271,7 +271,7 @@ async function openExample() {
   if (shown?.isExample) setStatus("This is an example. Choose a photo of an object of one material, or use the camera.");
 }
 
-/** The camera is closed; its last picture and light stay as a photo, else what was on show before it. */
+/** Close the camera; its last picture and light stay as a photo, else what was on show before. */
 async function closeCamera() {
   const still = await live.still();
   if (!isLive()) return;
@@ -294,7 +294,7 @@ element("outline").addEventListener("change", ({ target }) => element("mask").cl
 element("reset").addEventListener("click", () => machine.send("reset"));
 surroundings.addEventListener("change", () => machine.send("asked"));
 
-/** From the last change of the pitch to the estimate with it: a key that is held changes it again and again. */
+/** Delay from the last change of the pitch to the estimate: a held key changes it repeatedly. */
 const PITCH_MS = 250;
 let pitchTimer;
 

@@ -1,10 +1,10 @@
-/** Files, pasted pictures and addresses to pictures in memory. */
+/** Open files, pasted pictures and addresses as pictures in memory. */
 
 import { exifFovDeg } from "../src/files/exif.js";
 import { DEFAULT_LONG_FOV_DEG } from "../src/photo/lens.js";
 import { askServer } from "./server.js";
 
-/** Longer side at which a photo is kept: more than is shown, and plenty for a crop of 128. */
+/** Longer side to which a photo is shrunk: more than is shown, and ample for a crop of 128. */
 export const LONG_PX = 1600;
 
 /**

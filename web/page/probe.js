@@ -1,4 +1,4 @@
-/** The page's light probe: opened at the first call, and again after one that failed. */
+/** The page's probe, opened at the first call and again after a failure. */
 
 import { AnyProbe } from "../src/anyprobe.js";
 

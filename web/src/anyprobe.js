@@ -1,4 +1,4 @@
-/** The light around an object of one material: pictures and videos in, lights out. */
+/** Estimate the light around an object of one material, in pictures and videos. */
 
 import { AnyProbeError, sentError } from "./errors.js";
 import { described, give } from "./notices.js";
@@ -23,7 +23,7 @@ export class AnyProbe {
   #masks = null; // promise of the client of the thread that finds masks, since one was first wanted
   #tracker = null;
 
-  /** Use load. */
+  /** Call load instead. */
   constructor(client, opened, openMasks = null) {
     this.#client = client;
     this.#openMasks = openMasks;
@@ -80,7 +80,7 @@ export class AnyProbe {
   }
 
   /**
-   * Where the object is: numbers in [0, 1] of the picture's size, or of 1600 pixels along its longer side.
+   * Find the object: numbers in [0, 1] of the picture's size, or of 1600 pixels along its longer side.
    *
    * @returns {Promise<import("../types/index.d.ts").FoundMask>} quality: the IoU to expect; warnings: a line where that is below 0.78
    */
@@ -94,7 +94,7 @@ export class AnyProbe {
   }
 
   /**
-   * The light around the object of one picture, in the frame of its camera.
+   * Estimate the light around the object of one picture, in the frame of its camera.
    *
    * @param {import("../types/index.d.ts").ImageSource} image
    * @param {import("../types/index.d.ts").EstimateOptions} [options]
@@ -118,15 +118,15 @@ export class AnyProbe {
     return new Light({ ...light, warnings: [...warnings, ...light.warnings], mask: own, lens });
   }
 
-  /** estimate for a page that shows the networks' stages and three spheres too; a picture in memory and its mask. */
+  /** As estimate, for a page that also shows the networks' stages and three spheres; takes a picture in memory and its mask. */
   async examine(given) {
     const { light, ...views } = await this.#client.ask("estimate", { withViews: true, ...given });
     return { light: new Light(light), ...views };
   }
 
   /**
-   * The light of every frame, steady on a still scene; the object is found again as it moves. One source at a time: the last
-   * one's tracker is stopped.
+   * Estimate the light of every frame, steady on a still scene, following the object. A new source stops the tracker of the
+   * last one.
    *
    * @param {import("../types/index.d.ts").TrackSource} source null: frames are offered to
    *   the tracker, each with its camera's pose
@@ -165,7 +165,7 @@ export class AnyProbe {
     return tracker;
   }
 
-  /** End the threads; what was asked of them, and is from here on, rejects. */
+  /** End the threads; open and later requests reject. */
   dispose() {
     this.#tracker?.stop();
     this.#client.end();
@@ -193,7 +193,7 @@ export class AnyProbe {
     return port2;
   }
 
-  /** The mask that is given, the picture's own, or what is found by marks. */
+  /** The given mask, the picture's own transparency, or what the marks find. */
   async #maskOf(picture, options) {
     const marks = refuseBoth(options);
     if (isGiven(options.mask)) {
@@ -226,7 +226,7 @@ if (Symbol.dispose) {
 
 const isGiven = (value) => value !== undefined && value !== null;
 
-/** Names of the marks that are given; a mask beside them is refused. */
+/** Names of the given marks, which exclude a mask. */
 function refuseBoth(options) {
   const marks = ["click", "exclude", "box"].filter((name) => isGiven(options[name]) && options[name].length > 0);
   if (!isGiven(options.mask) || !marks.length) return marks;

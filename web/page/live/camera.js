@@ -19,7 +19,7 @@ export async function openCamera() {
   }
 }
 
-/** Call onEnd where the camera ends by itself: unplugged, or taken away by the user or the system. */
+/** Call onEnd if the camera stops by itself: unplugged, or withdrawn by the user or the system. */
 export function watchCamera(stream, onEnd) {
   for (const track of stream.getVideoTracks()) {
     track.addEventListener("ended", () => onEnd(new Error("The camera has ended: it was unplugged or taken away.")));

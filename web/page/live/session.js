@@ -1,5 +1,5 @@
 /**
- * The camera's picture lit live: video in, virtual object over it, rates shown.
+ * Live light of the camera: its picture, the virtual object over it, and the rates.
  */
 
 import { DEFAULT_LONG_FOV_DEG } from "../../src/photo/lens.js";
@@ -13,7 +13,7 @@ import { LONG_PX, readBitmap } from "../openPhoto.js";
 
 const RATES_EVERY_MS = 500;
 
-/** An object is taken to move on for so many seconds, and its speed to be that of an answer no older. */
+/** Seconds for which an object's motion is extrapolated, and the largest age of the answer that gives its speed. */
 const LONGEST_S = 0.5;
 const LIVE = "Live, in this browser. If the outline is wrong, click on the object, or draw a box around it.";
 const FINDING = "Finding the object …";
@@ -31,7 +31,7 @@ export class LiveSession {
     this.running = false; // since the camera's first picture
   }
 
-  /** Whether the camera is being asked for: what was on show still is. */
+  /** Whether the camera is being requested, while the last picture stays on show. */
   get opening() {
     return Boolean(this.live) && !this.running;
   }
@@ -80,7 +80,7 @@ export class LiveSession {
     this.timer = setInterval(() => this.#showRates(), RATES_EVERY_MS);
   }
 
-  /** The camera's first picture takes the photo's place. */
+  /** Show the camera's first picture in place of the photo. */
   #begin() {
     this.running = true;
     this.#nameButton();
@@ -131,7 +131,7 @@ export class LiveSession {
     this.missed = false;
   }
 
-  /** Another kind of light is wanted. */
+  /** Ask for another kind of light. */
   setOptions() {
     return this.live.tracker?.set(this.options());
   }
@@ -155,7 +155,7 @@ export class LiveSession {
     sendLight(answer);
     const { light, spheres, stages } = answer;
     this.shown = { light, spheres: spheres ?? this.shown?.spheres, stages: stages ?? this.shown?.stages };
-    // one part of the rest at a time: pictures of the camera wait for what is drawn here
+    // draw the rest part by part: the camera's pictures wait for it
     if (answer.spheres) {
       const about = { photo: "camera", model: this.config.model, longFovDeg: DEFAULT_LONG_FOV_DEG };
       this.light.show({ light: answer.light, spheres: answer.spheres }, about);

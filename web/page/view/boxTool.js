@@ -1,6 +1,6 @@
 /** A box around the object: dragged with the mouse, with a finger once the tool is on, or two corners by key. */
 
-/** What is narrower or lower than this on the screen was meant as a click. */
+/** A box narrower or lower than this on the screen counts as a click. */
 const LEAST_PX = 6;
 
 export class BoxTool {
@@ -40,7 +40,7 @@ export class BoxTool {
     this.band.hidden = false;
   }
 
-  /** Forget the first corner; whether there was one. */
+  /** Forget the first corner; return whether there was one. */
   drop() {
     const had = this.corner !== null;
     this.corner = this.pointer = null;
@@ -48,7 +48,7 @@ export class BoxTool {
     return had;
   }
 
-  /** Whether the click that a drag ends with is still to come; it marks nothing. */
+  /** Whether the click at the end of a drag is still to come; it is ignored. */
   takeClick() {
     const drawn = this.hasDrawn;
     this.hasDrawn = false;

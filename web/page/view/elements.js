@@ -1,11 +1,11 @@
-/** The page's elements by id, its line of status, and the ways a photo can come. */
+/** The page's elements by id, its status line, and all ways to give a photo. */
 
 export const element = (id) => document.getElementById(id);
 
-/** In the lines that advise it, a link to the photo, on which the object is marked. */
+/** Put a link to the photo into messages that advise to mark the object. */
 const MARKING = /click on (?:the object|it|another)(?: in the photo)?(?:, or draw a box around it)?/i;
 
-/** One line for everyone, read aloud by screen readers; kind: "fault" or "warning", shown in colour. */
+/** Show one status line, which screen readers read aloud; kind: "fault" or "warning", shown in colour. */
 export function setStatus(text, kind = "") {
   const status = element("status");
   const [advice] = text.match(MARKING) ?? [];
@@ -16,7 +16,7 @@ export function setStatus(text, kind = "") {
   element("fetched").hidden = true;
 }
 
-/** How much of a file has come, below the line of status until the next one; total: null where it is not known. */
+/** Show a download's progress below the status line; total: null if unknown. */
 export function showFetched(loaded, total) {
   const bar = element("fetched");
   bar.hidden = false;
@@ -24,7 +24,7 @@ export function showFetched(loaded, total) {
   else bar.removeAttribute("value");
 }
 
-/** Every light on show, of a photo or of a camera's picture, as the document's event "anyprobe-light". */
+/** Dispatch every light on show as the document's event "anyprobe-light". */
 export function sendLight(detail) {
   document.dispatchEvent(new CustomEvent("anyprobe-light", { detail }));
 }

@@ -59,7 +59,7 @@ export class LightPanel {
     this.#setReady(true);
   }
 
-  /** Nothing is known of the light any more. */
+  /** Clear the panel. */
   clear() {
     this.result = this.shaded = null;
     for (const canvas of [element("map"), ...Object.values(this.spheres)]) {

@@ -8,7 +8,7 @@ const [PHOTO_PX, VIDEO_PX] = [960, 480];
 const STEP = 0.02;
 /** Colours as 0xAABBGGRR: amber, and translucent black. */
 const [OUTLINE, HALO] = [0xff00c4ff, 0x96000000];
-/** A pixel inside is on the outline, and one outside on its halo, where one of these beside it is not as it is. */
+/** Neighbours that decide whether a pixel inside is on the outline, or one outside on its halo. */
 const EDGE = [[1, 0], [-1, 0], [0, 1], [0, -1], [2, 0], [-2, 0], [0, 2], [0, -2]];
 const REACH = 2;
 const DOT_PX = 7;
@@ -41,7 +41,7 @@ export class Marking {
     this.show(null);
   }
 
-  /** Forget clicks and box; returns what is left of them. */
+  /** Forget clicks and box; return what is left. */
   reset() {
     this.boxTool.close();
     this.hints = NO_HINTS;
@@ -157,7 +157,7 @@ export class Marking {
     this.onHints(this.hints);
   }
 
-  /** A box takes the last one's place; clicks go on to count. */
+  /** A box replaces the last one; clicks are kept. */
   #enclose([x0, y0, x1, y1]) {
     if (!this.size) return;
     const { width, height } = this.size;
@@ -194,7 +194,7 @@ function insideOf({ data, width, height }, w, h) {
   return inside;
 }
 
-/** A bright line inside the mask's edge and a dark one outside, seen on any photo. */
+/** A bright line inside the mask's edge and a dark one outside, visible on any photo. */
 function drawOutline({ data, width, height }, inside) {
   const pixels = new Uint32Array(data.buffer);
   const beside = EDGE.map(([dx, dy]) => dy * width + dx);

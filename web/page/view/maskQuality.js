@@ -1,4 +1,4 @@
-/** Whether the mask can be trusted, in words beside the photo on which it is corrected. */
+/** Say beside the photo whether the mask can be trusted. */
 
 import { DOUBTFUL } from "../../src/photo/quality.js";
 import { sentence } from "../words.js";
@@ -19,5 +19,5 @@ export function showQuality(found) {
   line.className = isGood ? "good" : "warning";
 }
 
-/** The first doubt about a mask and its light that is not told by that line. */
+/** The first doubt about mask and light that this line does not state. */
 export const untold = (found, light) => [...(found.quality === null ? found.notices : []), ...light.notices][0];

@@ -1,11 +1,11 @@
-/** What of a picture an object covers: its points, and where they are seen. */
+/** The part of a picture that an object covers: its points and their pixels. */
 
 import { Matrix4, Vector3 } from "three";
 
-/** Objects of more points are given by every so manyth. */
+/** Objects with more points than this are thinned. */
 const MOST_POINTS = 4000;
 
-/** Where points at or behind the camera are taken to be seen, pixels: far outside. */
+/** Pixel far outside, for points at or behind the camera. */
 const FAR_PX = 1e4;
 
 /**

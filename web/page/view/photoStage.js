@@ -4,7 +4,7 @@ import { Stage } from "./stage.js";
 import { element } from "./elements.js";
 import { putRgba } from "./pictures.js";
 
-/** What is seen through a photo's transparent parts. */
+/** Colour behind a photo's transparent parts. */
 const PAPER = [231, 229, 225];
 /** Diameter of the knob that divides before from after, as style.css has it. */
 const KNOB = "2rem";
@@ -45,7 +45,7 @@ export class PhotoStage {
     this.stage.isLive = true;
   }
 
-  /** Until the object is drawn in a light of what is shown now. */
+  /** Hide the object until it is drawn in the present light. */
   #hide() {
     this.overlay.style.visibility = "hidden";
     this.lit = null;
@@ -62,7 +62,7 @@ export class PhotoStage {
     this.#showPitch();
   }
 
-  /** The slope of the ground alone; the light stays. */
+  /** Change the slope of the ground alone; the light stays. */
   setPitch(degrees) {
     this.stage.setPitch(degrees);
     this.#showPitch();
@@ -103,7 +103,7 @@ export class PhotoStage {
     this.overlay.dispatchEvent(new CustomEvent("drawn", { detail: this.stage.pose() })); // all that was asked for
   }
 
-  /** Whether the virtual object is taken hold of at a place of the picture, x and y as shares. */
+  /** Whether a place of the picture is on the virtual object, x and y as shares. */
   grab(at) {
     const { stage } = this;
     const [x, y] = this.#pixel(at);

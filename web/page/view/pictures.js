@@ -1,4 +1,4 @@
-/** Arrays drawn on canvases: photos, the networks' stages, the map, the spheres. */
+/** Draw arrays on canvases: photos, the networks' stages, the map, the spheres. */
 
 import { FALSE_COLOR_MAX, falseColor, luminance } from "../../src/core/color.js";
 import { displayByte } from "../../src/core/response.js";

@@ -1,8 +1,8 @@
 /**
  * Lights of a video, kept still on a still scene and quick where the light changes.
  *
- * The filter of anyprobe.light.temporal, where its rules stand: the soft part of a map is averaged pixel by pixel, each
- * discrete source is a Kalman filter; in the world, where poses are given.
+ * By the rules of anyprobe.light.temporal: the soft part of a map is averaged pixel by pixel, each discrete source is a
+ * Kalman filter; in the world if poses are given.
  */
 
 import { luminance } from "../core/color.js";
@@ -20,13 +20,13 @@ const radians = (degrees) => (degrees * Math.PI) / 180;
 const [NOISE, DRIFT, GATE] = [rules.noise_deg, rules.drift_deg, rules.gate_deg].map(radians);
 /** Of the cap within which findDominantLight compares. */
 const PEAK = radians(CONTRACT.dominant_light.blur_deg);
-/** Stands for the pose where none is known. */
+/** The pose if none is known. */
 const STILL = [1, 0, 0, 0, 1, 0, 0, 0, 1];
-/** Seconds for which the object must look the same before its light is taken to be. */
+/** Seconds for which the object must look the same before its light counts as the same. */
 export const SAME_AFTER_S = rules.same_s;
 
 /**
- * The state after one more frame; the state given stays as it is.
+ * The state after one more frame; the given state is unchanged.
  *
  * @param {object | null} state of the last frame, null for the first
  * @param {Float32Array} radiance [64, 128, 3] of this frame
@@ -65,7 +65,7 @@ export function step(state, radiance, dt, worldFromCamera = null, looksSame = fa
 
 const splits = new WeakMap();
 
-/** A map's soft part, encoded, and its sources; worked out once, as frames without an answer of their own have the last one. */
+/** A map's encoded soft part and its sources; kept, since frames without an answer of their own reuse the last one. */
 function split(radiance) {
   if (!splits.has(radiance)) {
     const { soft, sources } = splitSources(radiance, MAP_HEIGHT);
@@ -109,7 +109,7 @@ export function shownSources({ tracks }) {
   return [leader, ...others.map(weaker)];
 }
 
-/** A track as the source of which a share is shown. */
+/** A track as a source, of which a share is shown. */
 function sourceOf({ direction, size, share }) {
   return { direction, power: [0, 1, 2].map((i) => Math.max(Math.exp(size[i]) - OFFSET, 0) * share), radius: Math.exp(size[3]) };
 }
@@ -128,7 +128,7 @@ function predicted(track, dt, turned) {
   return { ...track, variance, sizeVariance: track.sizeVariance + rules.size_drift ** 2 * dt };
 }
 
-/** A track after a measurement of its source, whose innovation counts up to the gate. */
+/** A track after a measurement of its source; the innovation is limited to the gate. */
 function updated(track, source) {
   const gain = track.variance / (track.variance + NOISE ** 2);
   const sizeGain = track.sizeVariance / (track.sizeVariance + rules.size_noise ** 2);
@@ -144,7 +144,7 @@ function updated(track, source) {
   };
 }
 
-/** The tracks after one more frame: those that it has, those that it lacks, fading, and new ones. */
+/** The tracks after one more frame: those measured, those missing and fading, and new ones. */
 function followed(tracks, sources, pairs, dt) {
   const fade = Math.min(dt / rules.fade_s, 1);
   const known = tracks.map((track, i) =>
@@ -157,7 +157,7 @@ function followed(tracks, sources, pairs, dt) {
   return [...known, ...begunNow].filter(({ share }) => share > 0);
 }
 
-/** Which source of the frame is which track's, by the least innovation: indices of sources by those of tracks. */
+/** Match tracks to sources by the least innovation: indices of sources by indices of tracks. */
 function pairsOf(tracks, sources) {
   const costs = [];
   tracks.forEach((track, i) => {

@@ -1,6 +1,5 @@
 /**
- * Where the object is in every frame: as anyprobe.video.following, found once by what is marked, or given, and moved with the
- * picture from there on.
+ * Follow the object, as anyprobe.video.following: found once by marks, or given, and moved with the picture from then on.
  *
  * @typedef {(picture: object, hints: object) => Promise<{mask: Float32Array, quality: number}>} Find its mask is empty where
  *   nothing was found
@@ -14,7 +13,7 @@ import { resize } from "../photo/resize.js";
 import { foundIn, follow, hold, isOneObject, litMask, maskIn } from "./heldMask.js";
 import { isSure } from "./registration.js";
 
-/** The box prompt is the last mask's, grown by this share on every side. */
+/** Share by which the last mask's box is grown on each side to be the next prompt. */
 const GROWTH = 0.08;
 
 /** So many frames after one in which the object was not where it could be, the picture before it is tried first. */
@@ -32,12 +31,12 @@ export class ObjectFollower {
     Object.assign(this, { masks, hints, quality: null, last: null });
   }
 
-  /** Whether the last frame's object was found, and looked as in the frames before, which had its light. */
+  /** Whether the last frame's object was found and looked as in the frames before, so that its light is theirs. */
   get looksSame() {
     return this.#held?.looksSame ?? false;
   }
 
-  /** Whether what was marked last is still looked for. */
+  /** Whether the last marks are still being searched. */
   get isSearching() {
     return this.#search !== null;
   }
@@ -50,7 +49,7 @@ export class ObjectFollower {
     this.#search = { hints };
   }
 
-  /** Nothing that was marked or found is where it was. */
+  /** Forget all marks and masks: the picture has changed. */
   forget() {
     this.last = this.#held = this.#given = this.#before = null;
     this.mark({ on: [], off: [], box: null });
@@ -116,7 +115,7 @@ export class ObjectFollower {
     return { mask, box: this.last.extent, lit: litMask(this.#held), isNew: true };
   }
 
-  /** The held mask where its object is now. */
+  /** The held mask moved to its object's place in this frame. */
   async #move(picture) {
     const { hints } = this;
     const known = [this.#held, this.#before, this.#lostFor];
@@ -136,7 +135,7 @@ export class ObjectFollower {
     return { mask, box: last.extent, lit: litMask(this.#held), isNew };
   }
 
-  /** Whether the mask is another one than was held; null: the object is not seen. */
+  /** Whether the mask differs from the one held; null: the object is not seen. */
   async #isFollowed(picture) {
     const { hints, masks } = this;
     if (++this.#lostFor > ODD) this.#before = null;

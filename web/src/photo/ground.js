@@ -9,7 +9,7 @@ const GROUND = CONTRACT.ground;
 const RADIANS = Math.PI / 180;
 
 /**
- * Where an object touches the ground: the middle of its mask's lower border.
+ * The place where an object touches the ground: the middle of its mask's lower border.
  *
  * @param {Float32Array} mask
  * @param {number} width of the picture
@@ -37,7 +37,7 @@ export function contactOf(mask, width, [x0, y0, x1, y1]) {
 }
 
 /**
- * How far a camera of unknown pitch is taken to look down [degrees]: as usual, or far enough to see the ground at a row
+ * Assumed pitch of a camera [degrees]: the usual one, or enough to see the ground at a row
  * `least_slope_deg` below the horizon.
  *
  * @param {number} row of the real object's base
@@ -53,7 +53,7 @@ export function seenPitchDeg(pitchDeg, row, height, focal) {
   return Math.max(pitchDeg, GROUND.least_slope_deg - Math.atan2(row - height / 2, focal) / RADIANS);
 }
 
-/** Up [3] in the frame of a camera that looks down so far, and is turned so far about its axis. */
+/** Up [3] in the frame of a camera of this pitch and roll. */
 export function upOf(pitchDeg, rollDeg = 0) {
   const [pitch, roll] = [pitchDeg * RADIANS, rollDeg * RADIANS];
   return [Math.cos(pitch) * Math.sin(roll), Math.cos(pitch) * Math.cos(roll), Math.sin(pitch)];
