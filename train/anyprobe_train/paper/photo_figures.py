@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-from dataclasses import replace
 
 import numpy as np
 from PIL import Image, ImageDraw
@@ -18,7 +17,7 @@ from anyprobe_train.paper.real_photos import cropped, masked_photos
 from anyprobe_train.paper.sheets import columns_of, heat, picture_sheet
 
 INSERTED = (("vase", "gold"), ("sphere", "chrome"))
-"""Virtual objects, one after the other, each where there is room."""
+"""Virtual objects and their materials, in turn."""
 SHOWN = 4
 """Photos in Fig. 15, as in the paper."""
 HETEROGENEOUS = "painted"
@@ -29,24 +28,21 @@ def insertions(run: Run) -> Image.Image:
     """Draw Fig. 15: real photos, the observed object in a box; virtual objects beside it; the estimated light."""
     from anyprobe.relight.insert import Arrangement, Stage
 
-    rows = []
+    rows: list[list[np.ndarray]] = []
     for path, mask in masked_photos(run.folder("photos")):
         photo = load_photo(path, mask=mask)
         real = cropped([photo], run.setting.side)
         made = run.chain(real.photo)
         radiance = np.moveaxis(made.radiance.numpy()[0], 0, -1)
         radiance = np.maximum(rotate(radiance, real.camera_from_crop[0]), 0.0)
-        after = photo
+        shape, material = INSERTED[len(rows) % len(INSERTED)]
         try:
-            for shape, material in INSERTED:
-                stage = Stage(after, open_object(shape), Arrangement())
-                after = replace(after, rgb=stage.relit(radiance, material, "own"), mask=after.mask)
-        except InputError:  # a photo without room for them
+            after = Stage(photo, open_object(shape), Arrangement()).relit(radiance, material, "own")
+        except InputError:  # a photo without room for it
             continue
         before = Image.fromarray((photo.rgb * 255 + 0.5).astype(np.uint8))
         ImageDraw.Draw(before).rectangle(object_box(photo.mask), outline="#e08020", width=max(2, before.width // 200))
-        shown = (after.rgb * 255 + 0.5).astype(np.uint8)
-        rows.append([np.asarray(before), shown, *columns_of(made.ldr)[0]])
+        rows.append([np.asarray(before), (after * 255 + 0.5).astype(np.uint8), *columns_of(made.ldr)[0]])
         if len(rows) == SHOWN:
             break
     return picture_sheet(rows)
