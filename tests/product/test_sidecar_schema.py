@@ -13,7 +13,7 @@ from support.scenes import sphere_photo
 import anyprobe
 from anyprobe.core.frames import rotation_y
 from anyprobe.estimate.result import Light
-from anyprobe.estimate.sidecar import SIDECAR_VERSION, Origin
+from anyprobe.estimate.sidecar import OF_THE_MAP, SIDECAR_VERSION, CropInfo, MaskInfo, ObjectInfo, Origin, Uncertainty
 
 jsonschema = pytest.importorskip("jsonschema")
 pytestmark = pytest.mark.usefixtures("networks_opened_once")
@@ -36,12 +36,21 @@ def test_what_lights_write_is_what_the_schema_says(schema, light, tmp_path):
     for number, one in enumerate((light, turned, bare)):
         said = json.loads(one.save(tmp_path / f"{number}.json").read_text(encoding="utf-8"))
         jsonschema.validate(said, schema)
-        assert set(said) <= set(schema["properties"])
+        for name in ("", "ground", "dominant_light"):
+            entry, described = (said[name], schema["properties"][name]) if name in said else (said, schema)
+            assert set(entry) <= set(described["properties"]), name
 
 
-def test_the_schema_knows_every_key_and_is_of_this_version(schema):
-    assert {one.name for one in fields(Origin)} - {"more"} <= set(schema["properties"])
-    assert schema["properties"]["version"] == {"const": SIDECAR_VERSION}
+def test_the_schema_has_the_keys_that_are_written_and_no_other(schema):
+    """An optional key of an entry counts as written where the entry's type names it."""
+    properties = schema["properties"]
+    origin, arrays = {one.name for one in fields(Origin)} - {"more"}, {"radiance", "stages"}
+    assert set(properties) == origin | set(OF_THE_MAP) - arrays
+    entries = {"mask": MaskInfo, "crop": CropInfo, "object": ObjectInfo, "uncertainty": Uncertainty}
+    for name, entry in entries.items():
+        described = properties[name] if "properties" in properties[name] else properties[name]["anyOf"][0]
+        assert set(described["properties"]) == set(entry.__annotations__), name
+    assert properties["version"] == {"const": SIDECAR_VERSION}
 
 
 @pytest.mark.parametrize(

@@ -11,13 +11,11 @@ import { describeDirection, drawFalseColor, drawMap, drawSphere, placeOnMap } fr
 const TITLES = {
   three: "three.js",
   webxr: "WebXR",
-  arcore: "ARCore",
-  arkit: "ARKit",
   usd: "USD",
   gltf: "glTF",
+  ultrahdr: "Ultra HDR",
   cube: "cube map",
   ktx2: "KTX2",
-  dds: "DDS",
 };
 
 const AS_SHOWN = "The map as it is shown above, with its exposure or false colour; radiance is in .exr and .hdr";
