@@ -34,8 +34,8 @@ from anyprobe.core.frames import rotation_y
 from anyprobe.errors import AnyprobeError
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.files.atomic import atomic_path
-from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import rotate
+from anyprobe.light.light_sources import find_dominant_light
 from anyprobe.light.temporal import step
 from anyprobe.video.clip import Frame
 from anyprobe.video.following import MaskFollower

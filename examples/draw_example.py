@@ -18,8 +18,8 @@ from anyprobe.core.color import to_bytes
 from anyprobe.core.response import response
 from anyprobe.estimate.photo import load_photo
 from anyprobe.files.objects import open_object
-from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import MAP_HEIGHT, shrink
+from anyprobe.light.light_sources import find_dominant_light
 from anyprobe.relight.insert import Arrangement, Stage
 from anyprobe.render.spheres import diffuse
 from anyprobe_train.evaluate.metrics import color_angle_deg, direction_error_deg, power_ratio_stops

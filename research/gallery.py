@@ -21,8 +21,8 @@ from anyprobe.core.response import response
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.photo import Photo, load_photo
 from anyprobe.files.objects import open_object
-from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
+from anyprobe.light.light_sources import find_dominant_light
 from anyprobe.relight.appearance import least_scale
 from anyprobe.relight.insert import Stage
 from anyprobe.relight.path_traced import _environment, _shape, open_mitsuba

@@ -20,7 +20,7 @@ from anyprobe.cli.options import bounded
 from anyprobe.core.color import luminance
 from anyprobe.core.frames import rotation_y
 from anyprobe.core.response import response
-from anyprobe.light.dominant_light import find_dominant_light
+from anyprobe.light.light_sources import find_dominant_light
 from anyprobe_train.world.batch import LIGHT_OF, Traced, World, trace
 from anyprobe_train.world.layout import Standing, draw_layout, falling
 from anyprobe_train.world.lights import LIGHT_ROWS, draw_light

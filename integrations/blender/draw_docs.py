@@ -48,7 +48,7 @@ def main(archive: Path, python: str) -> None:
 
     from anyprobe.core.color import luminance
     from anyprobe.export.target_frames import BLENDER
-    from anyprobe.light.dominant_light import find_dominant_light
+    from anyprobe.light.light_sources import find_dominant_light
     from anyprobe.maps.radiance import write_exr
     from anyprobe.render.shapes import lathe
     from anyprobe_train.dataset.asset_store import sky

@@ -15,9 +15,9 @@ import numpy as np
 from anyprobe.core.frames import reflect, world_from_camera
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
 from anyprobe.core.response import response
-from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import MAP_HEIGHT, integral
 from anyprobe.light.harmonics import COSINE_LOBE, project
+from anyprobe.light.light_sources import find_dominant_light
 from anyprobe.render.shapes import lathe
 from anyprobe.render.spheres import sphere_normals
 from anyprobe.render.surface import Surface, frame_object, see

@@ -8,8 +8,8 @@ import numpy as np
 
 from anyprobe.core.color import REC709, luminance
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
-from anyprobe.light.dominant_light import connected, dilate
 from anyprobe.light.filtering import blur_cap
+from anyprobe.light.light_sources import connected, dilate
 from anyprobe_train.evaluate.metrics import direction_error_deg
 
 PEAK_RADIUS = np.radians(5.0)

@@ -14,8 +14,8 @@ from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.core.response import inverse_response, response
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.photo import load_photo
-from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import integral, reduced
+from anyprobe.light.light_sources import find_dominant_light
 from anyprobe.maps.radiance import read_radiance
 from anyprobe_train.evaluate.metrics import direction_error_deg
 

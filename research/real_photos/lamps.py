@@ -13,7 +13,7 @@ from anyprobe.estimate.photo import Photo, inputs_of, load_photo
 from anyprobe.estimate.runtime import PHOTO_SIZE
 from anyprobe.estimate.window import crop_of
 from anyprobe.inputs.hints import NONE
-from anyprobe.light.dominant_light import find_dominant_light
+from anyprobe.light.light_sources import find_dominant_light
 from anyprobe_train.evaluate.methods import Method
 from anyprobe_train.evaluate.metrics import direction_error_deg
 from anyprobe_train.evaluate.standard_errors import rounded

@@ -15,8 +15,8 @@ from anyprobe.errors import InputError
 from anyprobe.estimate.photo import inputs_of, load_photo
 from anyprobe.estimate.runtime import PHOTO_SIZE
 from anyprobe.estimate.window import crop_of
-from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
+from anyprobe.light.light_sources import find_dominant_light
 from anyprobe.maps.radiance import read_radiance
 from anyprobe_train.evaluate.methods import Method
 from anyprobe_train.evaluate.metrics import direction_error_deg

@@ -27,7 +27,7 @@ from anyprobe.files.atomic import atomic_path
 from anyprobe.inputs.settings import DEFAULT_MODEL
 from anyprobe.light.environment import reduced
 from anyprobe.maps.radiance import read_radiance
-from anyprobe.match.kind import estimate_log_odds, log_odds
+from anyprobe.match.kind import log_odds
 from anyprobe.match.library import Library
 from anyprobe.match.library_folder import open_library
 from anyprobe.match.ranking import MatchedMap
@@ -69,7 +69,7 @@ def row_of(
     row = {
         "photo": name,
         "by_eye": kinds_by_eye().get(name, "either"),
-        "judged": WORDS[estimate_log_odds(light.radiance, light.pitch_deg) > 0],
+        "judged": WORDS[light.outdoors > 0.5],
         "map": first.name,
         "map_kind": kinds.get(Path(first.name).name, "unknown"),
         "map_judged": WORDS[bool(log_odds(library.lights[first.index][None])[0] > 0)],

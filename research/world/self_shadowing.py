@@ -23,8 +23,8 @@ from anyprobe.core.frames import rotation_y
 from anyprobe.core.response import response
 from anyprobe.estimate.runtime import Models
 from anyprobe.inputs.settings import DEFAULT_MODEL
-from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import rotate
+from anyprobe.light.light_sources import find_dominant_light
 from anyprobe.relight.path_traced import trace_mesh
 from anyprobe_train.dataset.batch_shading import pixel_wo, shade_batch
 from anyprobe_train.dataset.distributions import KINDS

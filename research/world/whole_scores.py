@@ -15,10 +15,9 @@ from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
 from anyprobe.estimate.ground import up_of
 from anyprobe.estimate.result import Light
-from anyprobe.light.dominant_light import DominantLight, find_dominant_light
 from anyprobe.light.environment import MAP_HEIGHT, rotate
 from anyprobe.light.filtering import blur_cap
-from anyprobe.light.light_sources import LightSource, find_light_sources
+from anyprobe.light.light_sources import LIKELY, NO_SOURCE, LightSource, find_sources
 from anyprobe.render.shapes import lathe
 from anyprobe.render.surface import cover, frame_object, pixel_rays, see
 from anyprobe_train.evaluate.metrics import direction_error_deg, false_sources, gain_rmse, power_ratio_stops, rmse, ssim
@@ -109,18 +108,22 @@ def relit(maps: Sequence[np.ndarray], photo: Judged) -> list[np.ndarray]:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Answer:
-    """A map [64, 128, 3], with its dominant light and light sources as its user is told of them."""
+    """A map [64, 128, 3], with its light sources as its user is told of them."""
 
     radiance: np.ndarray
-    main: DominantLight
     sources: Sequence[LightSource]
 
     @classmethod
     def of(cls, given: np.ndarray | Light) -> Answer:
         """Return the answer of an estimate, or of a map alone."""
         if isinstance(given, Light):
-            return cls(radiance=given.radiance, main=given.dominant_light(), sources=given.sources())
-        return cls(radiance=given, main=find_dominant_light(given), sources=find_light_sources(given))
+            return cls(radiance=given.radiance, sources=given.sources())
+        return cls(radiance=given, sources=find_sources(given))
+
+    @property
+    def main(self) -> LightSource:
+        """The dominant light."""
+        return next(iter(self.sources), NO_SOURCE)
 
 
 def sky_over_ground(radiance: np.ndarray, pitch_deg: float, roll_deg: float) -> float:
@@ -145,7 +148,7 @@ def score(photo: Judged, rows: Mapping[str, np.ndarray | Light]) -> dict[str, di
     maps = [one.radiance for one in answers.values()]
     spheres = clean_scores(truth, maps)
     true_vase, *vases = relit([truth, *maps], photo)
-    main, hard = find_dominant_light(truth), brightest_places(truth)
+    main, hard = Answer.of(truth).main, brightest_places(truth)
     posture = photo.pitch_deg, photo.roll_deg
     true_sky = sky_over_ground(truth, *posture)
     scores = {}
@@ -160,8 +163,8 @@ def score(photo: Judged, rows: Mapping[str, np.ndarray | Light]) -> dict[str, di
             "dominant_color": direction_error_deg(answer.main.irradiance, main.irradiance),
             "power": power_ratio_stops(one, truth),
             "sky_ground": sky_over_ground(one, *posture) - true_sky,
-            "sources": len(answer.sources),
-            "false_sources": false_sources(answer.sources, truth),
+            "sources": sum(source.exists >= LIKELY for source in answer.sources),
+            "false_sources": false_sources(answer.sources, one, truth),
             "white": three["clean_diffuse_si_rmse"],
             "chrome": three["clean_mirror_si_rmse"],
             "vase": rmse(vase, true_vase),

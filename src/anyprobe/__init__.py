@@ -23,7 +23,7 @@ from anyprobe.estimate.multiview import fuse_lights
 from anyprobe.estimate.photo import Photo, load_photo
 from anyprobe.estimate.result import Light
 from anyprobe.inputs.hints import Hints
-from anyprobe.light.dominant_light import DominantLight
+from anyprobe.light.light_sources import LightSource
 from anyprobe.notices import Notice
 from anyprobe.scatter.materials import Material
 
@@ -37,7 +37,6 @@ def __dir__() -> list[str]:
 
 __all__ = [
     "AnyprobeError",
-    "DominantLight",
     "Estimator",
     "Hints",
     "InputError",
@@ -46,6 +45,7 @@ __all__ = [
     "InvalidMesh",
     "InvalidPhoto",
     "Light",
+    "LightSource",
     "Material",
     "MissingExtra",
     "ModelError",

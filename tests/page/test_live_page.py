@@ -18,8 +18,8 @@ from support.mesh_files import glb
 from anyprobe.core.color import luminance
 from anyprobe.core.response import response
 from anyprobe.export.targets import TARGETS
-from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.harmonics import project
+from anyprobe.light.light_sources import find_dominant_light
 from anyprobe.maps.radiance import read_radiance
 
 pytestmark = pytest.mark.slow

@@ -8,9 +8,8 @@ import pytest
 from anyprobe.core.color import luminance
 from anyprobe.core.frames import rotation_y
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
-from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.filtering import blur_cap
-from anyprobe.light.source_split import Source, draw_sources
+from anyprobe.light.light_sources import LightSource, draw_sources, find_dominant_light
 from anyprobe.light.temporal import OFFSET, FilterState, step
 from anyprobe.render.spheres import silver, sphere_normals
 from anyprobe_train.evaluate.metrics import color_angle_deg
@@ -151,7 +150,7 @@ def seen(rng, sun=SUN, lamp=LAMP, pose=None, has_lamp=True) -> np.ndarray:
     for at, power in ((sun, 2.0), (lamp, 0.8)) if has_lamp else ((sun, 2.0),):
         d = at / np.linalg.norm(at) + rng.uniform(-0.05, 0.05, 3)
         d = d / np.linalg.norm(d) @ (np.eye(3) if pose is None else pose)
-        found.append(Source(direction=d, power=power * rng.uniform(0.8, 1.2) * np.ones(3), radius=np.radians(4.2)))
+        found.append(LightSource(direction=d, power=power * rng.uniform(0.8, 1.2) * np.ones(3), radius_deg=3.4))
     return ROOM + draw_sources(64, found)
 
 
@@ -236,7 +235,7 @@ def lamps(*placed: tuple) -> np.ndarray:
     found = []
     for at, power, radius_deg in placed:
         d = np.asarray(at, float) / np.linalg.norm(at)
-        found.append(Source(direction=d, power=power * np.ones(3), radius=np.radians(radius_deg)))
+        found.append(LightSource(direction=d, power=power * np.ones(3), radius_deg=radius_deg))
     return ROOM + draw_sources(64, found)
 
 
@@ -251,7 +250,7 @@ def test_one_frame_with_another_leader_is_not_shown(rng):
 @pytest.mark.ci
 def test_two_sources_that_change_rank_move_no_dominant_light():
     frames = [
-        lamps((SUN, 2.0 + 0.5 * (-1) ** (i // 3), 4.2), (LAMP, 2.0 - 0.5 * (-1) ** (i // 3), 6.0)) for i in range(45)
+        lamps((SUN, 2.0 + 0.5 * (-1) ** (i // 3), 3.4), (LAMP, 2.0 - 0.5 * (-1) ** (i // 3), 4.9)) for i in range(45)
     ]
     states = run(frames, [1 / FPS] * len(frames))
     assert max(angle_deg(a, b) for a, b in zip(map(raw, frames), map(raw, frames[1:]), strict=False)) > 60
@@ -265,7 +264,7 @@ def raw(radiance: np.ndarray) -> np.ndarray:
 def test_a_wide_source_turns_as_one():
     """It goes 20 degrees to the side at once: what is shown turns there, and is never two."""
     to = rotation_y(np.radians(20)) @ SUN
-    frames = [lamps((SUN, 6.0, 14.0))] * FPS + [lamps((to, 6.0, 14.0))] * FPS
+    frames = [lamps((SUN, 6.0, 11.4))] * FPS + [lamps((to, 6.0, 11.4))] * FPS
     states = run(frames, [1 / FPS] * len(frames))
     assert 2 < max(steps_deg(states)) < 75 / FPS + 0.5
     assert angle_deg(raw(states[-1].radiance), to) < 2

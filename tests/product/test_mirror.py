@@ -14,7 +14,7 @@ from anyprobe.core.response import response
 from anyprobe.estimate.light_graph import Said
 from anyprobe.estimate.material_hint import MEASURED_CONFIDENCE, is_mirror, measure, use_material
 from anyprobe.estimate.result import MIRROR_ERROR_DEG
-from anyprobe.light.dominant_light import find_dominant_light
+from anyprobe.light.light_sources import find_dominant_light
 from anyprobe.render.spheres import sphere_normals
 from anyprobe.render.surface import pixel_rays
 from anyprobe.scatter.materials import MATERIALS, Material

@@ -20,8 +20,8 @@ from anyprobe.estimate.multiview import NOT_GIVEN, OFFSET, fuse, fuse_lights
 from anyprobe.estimate.poses import read_poses
 from anyprobe.estimate.result import Light
 from anyprobe.estimate.sidecar import Origin
-from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import integral, rotate
+from anyprobe.light.light_sources import find_dominant_light
 from anyprobe.maps.radiance import read_radiance
 from anyprobe.pictures.images import read_image
 

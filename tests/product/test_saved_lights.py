@@ -60,7 +60,7 @@ def test_a_saved_light_is_opened_again(light, tmp_path, kind, turn):
     )
     assert [one.as_json() for one in again.warnings] == [one.as_json() for one in light.warnings]
     assert again.confidence is None
-    alike = {"sh9", "dominant_light", "confidence", "map_from_camera"}
+    alike = {"sh9", "dominant_light", "sources", "confidence", "map_from_camera"}
     given, before = again.sidecar(), light.sidecar()
     assert {key: given[key] for key in given.keys() - alike} == {key: before[key] for key in before.keys() - alike}
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from anyprobe.core.response import response
-from anyprobe.light.source_split import Source, draw_sources
+from anyprobe.light.light_sources import LightSource, draw_sources
 from anyprobe.render.spheres import diffuse, mirror, silver
 from anyprobe.video.preview import HEIGHT, MAP_ROWS, SIDE, WIDTH, beside_frame, light_picture, preview_ev
 
@@ -16,14 +16,14 @@ def spheres_of(picture: np.ndarray) -> list[np.ndarray]:
 
 
 def test_its_spheres_are_those_that_are_sampled():
-    lamp = Source(direction=np.array([0.6, 0.64, 0.48]), power=np.array([2.0, 1.6, 1.2]), radius=0.15)
+    lamp = LightSource(direction=np.array([0.6, 0.64, 0.48]), power=np.array([2.0, 1.6, 1.2]), radius_deg=7.0)
     radiance = draw_sources(64, [lamp]) + np.linspace(0.6, 0.1, 64, dtype=np.float32)[:, None, None]
     for drawn, sphere in zip(spheres_of(light_picture(radiance)), (diffuse, silver, mirror), strict=True):
         assert np.abs(drawn - response(sphere(radiance, SIDE))).mean() < 0.01
 
 
 def test_spheres_are_darkened_until_the_matte_one_does_not_clip_and_the_map_is_not():
-    lamp = Source(direction=np.array([0.6, 0.64, 0.48]), power=np.array([9.0, 8.0, 7.0]), radius=0.3)
+    lamp = LightSource(direction=np.array([0.6, 0.64, 0.48]), power=np.array([9.0, 8.0, 7.0]), radius_deg=14.0)
     bright = draw_sources(64, [lamp]) + np.float32(0.2)
     ev = preview_ev(bright)
     assert ev <= -1

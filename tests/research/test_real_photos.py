@@ -12,7 +12,7 @@ from support.scenes import sphere_photo
 from anyprobe.cli.app import main
 from anyprobe.core.response import response
 from anyprobe.estimate.known import PhotoBackground
-from anyprobe.light.dominant_light import find_dominant_light
+from anyprobe.light.light_sources import find_dominant_light
 from anyprobe.maps.radiance import write_hdr
 from anyprobe_train.evaluate.methods import Estimate
 from research.real_photos.__main__ import app

@@ -44,7 +44,7 @@ TRUTH = lamps((20, 40, 3.0), (-120, 30, 1.0))
 )
 def test_a_source_is_false_where_the_truth_has_little_light(estimate, drawn, false):
     answer = Answer.of(estimate)
-    assert (len(answer.sources), false_sources(answer.sources, TRUTH)) == (drawn, false)
+    assert (len(answer.sources), false_sources(answer.sources, estimate, TRUTH)) == (drawn, false)
 
 
 @pytest.mark.parametrize(("pitch_deg", "roll_deg"), [(0, 0), (35, 0), (20, -15)])
@@ -73,7 +73,7 @@ def test_colour_is_of_the_dominant_light_and_sky_is_signed():
 def test_an_estimate_says_its_own_error(monkeypatch):
     light = Light(radiance=TRUTH)
     said = replace(light.dominant_light(), error_deg=3.5)
-    monkeypatch.setattr(Light, "dominant_light", lambda self: said)
+    monkeypatch.setattr(Light, "sources", lambda self: (said,))
     rows = score(judged(), {"estimate": light, "map": TRUTH})
     assert rows["estimate"]["said_deg"] == 3.5 != rows["map"]["said_deg"]
 

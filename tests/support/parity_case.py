@@ -17,10 +17,9 @@ from anyprobe.estimate.ground import ESTIMATED, GIVEN, Ground
 from anyprobe.estimate.photo import load_photo
 from anyprobe.estimate.result import Light
 from anyprobe.estimate.runtime import weights_folder
-from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import rotate
 from anyprobe.light.filtering import blur_cosine_power
-from anyprobe.light.source_split import Source, draw_sources, split_sources
+from anyprobe.light.light_sources import LightSource, draw_sources, find_sources, split_sources
 from anyprobe.light.temporal import step
 from anyprobe.masks.check import look_at_given
 from anyprobe.masks.networks import default_graph, small_network
@@ -55,16 +54,18 @@ def _normals(mask: np.ndarray) -> np.ndarray:
 def _led(radiance: np.ndarray) -> dict[str, np.ndarray]:
     """Frames in which two lamps change rank and another flashes up, whether the object looks the same in each, and the
     lights shown after some of them."""
-    base, frames, shown, state = split_sources(radiance)[0], [], [], None
+    base, frames, shown, state = split_sources(radiance)[1], [], [], None
     same = np.array([i not in (0, 26, 27) for i in range(40)])
     for i in range(40):
         strong = 3.0 + (2.5 if i % 5 < 2 else -1.5) * (8 < i < 20)
         lamps = [
-            Source(direction=_unit(np.array([0.3, 0.6, 0.7])), power=np.full(3, strong), radius=0.08),
-            Source(direction=_unit(np.array([-0.9, 0.3, -0.2])), power=np.full(3, 3.4), radius=0.08),
+            LightSource(direction=_unit(np.array([0.3, 0.6, 0.7])), power=np.full(3, strong), radius_deg=3.7),
+            LightSource(direction=_unit(np.array([-0.9, 0.3, -0.2])), power=np.full(3, 3.4), radius_deg=3.7),
         ]
         if i in (22, 23, 30):
-            lamps.append(Source(direction=_unit(np.array([0.1, 0.2, -0.9])), power=np.full(3, 12.0), radius=0.1))
+            lamps.append(
+                LightSource(direction=_unit(np.array([0.1, 0.2, -0.9])), power=np.full(3, 12.0), radius_deg=4.7)
+            )
         frames.append((base + draw_sources(len(radiance), lamps)).astype(np.float32))
         state = step(state, frames[-1], 1 / 15, looks_same=bool(same[i]))
         if i % 4 == 3:
@@ -94,18 +95,20 @@ def _filtered(radiance: np.ndarray) -> dict[str, np.ndarray]:
     poses = [world_from_camera(0.1 * i, 0.2 - 0.05 * i) for i in range(len(FRAME_SECONDS))]
     for i, (pose, seconds) in enumerate(zip(poses, FRAME_SECONDS, strict=True)):
         lamps = [
-            Source(direction=_unit(np.array(at) + rng.normal(0, 0.05, 3)), power=np.array(power), radius=radius)
-            for at, power, radius, is_on in (
-                ((0.3, 0.6, 0.7), (3.0, 2.5, 2.0), 0.07, True),
-                ((-0.9, 0.3, -0.2), (1.0, 1.2, 1.5), 0.1, i % 4 != 2),
-                ((0.1, 0.9, -0.6), (0.5, 0.5, 0.4), 0.3, True),
+            LightSource(
+                direction=_unit(np.array(at) + rng.normal(0, 0.05, 3)), power=np.array(power), radius_deg=radius_deg
+            )
+            for at, power, radius_deg, is_on in (
+                ((0.3, 0.6, 0.7), (3.0, 2.5, 2.0), 3.3, True),
+                ((-0.9, 0.3, -0.2), (1.0, 1.2, 1.5), 4.7, i % 4 != 2),
+                ((0.1, 0.9, -0.6), (0.5, 0.5, 0.4), 14.0, True),
             )
             if is_on
         ]
-        world = split_sources(radiance)[0] + draw_sources(len(radiance), lamps)
+        world = split_sources(radiance)[1] + draw_sources(len(radiance), lamps)
         turning.append(np.maximum(rotate(world, pose.T), 0.0).astype(np.float32))
         state = step(state, turning[-1], seconds, world_from_camera=pose)
-    soft, sources = split_sources(turning[-1])
+    sources, soft = split_sources(turning[-1])
     found |= _led(radiance)
     return found | {
         "split_soft": soft,
@@ -123,8 +126,9 @@ def _unit(vector: np.ndarray) -> np.ndarray:
 
 
 def _rows(sources) -> np.ndarray:
-    """[K, 7]: direction, power and radius of each source."""
-    return np.array([[*one.direction, *one.power, one.radius] for one in sources]).reshape(-1, 7)
+    """[K, 8]: direction, power, radius and exists of each source."""
+    rows = [[*one.direction, *one.power, one.radius_deg, one.exists] for one in sources]
+    return np.array(rows).reshape(-1, 8)
 
 
 def _given_masks(folder: Path) -> list[dict]:
@@ -223,9 +227,11 @@ def _said(light: Light) -> dict:
     return {
         "well_exposed": light.well_exposed_fraction,
         "soft": light.soft,
+        "outdoors": light.outdoors,
         "is_soft": light.is_soft,
         "side": light.brightest_side(),
         "error_deg": light.dominant_light().error_deg,
+        "sources": _rows(light.sources()).tolist(),
         "metal": about["object"]["metal"],
         "level_stops": about["uncertainty"]["level_stops"],
         "seen": about["hints"].get("surroundings", 0),
@@ -246,7 +252,6 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
     opaque[..., 3] = 255
     whole = estimator.from_photo(load_photo(opaque, mask=loaded.mask, fov_deg=long_fov_deg))
     (folder / "whole.rgba").write_bytes(opaque.tobytes())
-    main = find_dominant_light(light.radiance)
     answers = {
         "mask": loaded.mask,
         "radiance": light.radiance,
@@ -254,9 +259,7 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
         "confidence": light.confidence,
         "whole_confidence": whole.confidence,
         "sh9": light.sh9(),
-        "dominant_light": np.concatenate(
-            [main.direction, main.irradiance, main.color, [main.solid_angle, main.directionality, main.error_deg / 90]]
-        ),
+        "sources": _rows(find_sources(light.radiance)),
         "curve": response(STEPS),
         "curve_inverse": inverse_response(STEPS),
         "blurred": blur_cosine_power(light.radiance, 5.0),

@@ -19,7 +19,7 @@ from support.two_phase import assert_same_way_round, probe_directions, two_phase
 
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.export.targets import export
-from anyprobe.light.light_sources import split_light_sources
+from anyprobe.light.light_sources import split_sources
 from anyprobe.render.spheres import sphere_images, sphere_normals
 
 pytestmark = pytest.mark.slow
@@ -73,7 +73,7 @@ def test_world_is_turned_or_the_sun_counts_twice(target, python, tmp_path):
     if target == "blender":
         path.write_text(path.read_text().replace("SUNS = False", "SUNS = True"))
     found = recover(python, path, tmp_path)
-    sources, _ = split_light_sources(radiance)
+    sources, _ = split_sources(radiance)
     assert len(sources) == len(found["suns"]) == 2
     off = np.max([D @ source.direction for source in sources], axis=0) < 0.95
     assert_same_way_round(np.array(found["seen"])[off] / 0.4, D[off], degrees=1.5)
@@ -91,7 +91,7 @@ def test_gltf_sources_have_another_strength(python, tmp_path):
     radiance, answer = light_of(), tmp_path / "answer.json"
     path = next(p for p in export(radiance, "gltf", tmp_path, "two phase") if p.suffix == ".glb")
     run(python, "blender_gltf_lights.py", path, "COMPAT", answer)
-    found, (sources, _) = json.loads(answer.read_text()), split_light_sources(radiance)
+    found, (sources, _) = json.loads(answer.read_text()), split_sources(radiance)
     assert found["mode"] == "Unitless"
     assert len(sources) == len(found["suns"]) == 2
     for sun, source in zip(found["suns"], sources, strict=True):

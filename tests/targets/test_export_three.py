@@ -9,7 +9,7 @@ from support.two_phase import assert_same_way_round, probe_directions, two_phase
 
 from anyprobe.export.targets import export
 from anyprobe.light.harmonics import irradiance, project
-from anyprobe.light.light_sources import split_light_sources
+from anyprobe.light.light_sources import split_sources
 
 pytestmark = pytest.mark.slow
 
@@ -37,7 +37,7 @@ def test_suns_and_ambient_probe_are_not_the_whole_light(site, tmp_path):
     radiance[14:17, 90:94] += (60, 50, 40)
     radiance[40:43, 20:24] += (15, 20, 25)
     seen = lit(site, radiance, tmp_path)
-    sources, ambient = split_light_sources(radiance)
+    sources, ambient = split_sources(radiance)
     assert len(sources) == len(seen["suns"]) == 2
     wanted = irradiance(project(ambient), D.astype(np.float32)) / np.pi
     for sun, source in zip(seen["suns"], sources, strict=True):

@@ -8,7 +8,7 @@ from support.two_phase import assert_same_way_round, probe_directions, two_phase
 
 from anyprobe.core.latlong import bilinear
 from anyprobe.export.targets import export
-from anyprobe.light.light_sources import split_light_sources
+from anyprobe.light.light_sources import split_sources
 from anyprobe.maps.radiance import read_radiance
 
 pytestmark = pytest.mark.slow
@@ -61,7 +61,7 @@ def test_dome_is_turned_or_mirrored(stage, tmp_path):
 def test_sources_are_not_distant_lights(stage, radiance):
     from pxr import UsdGeom, UsdLux
 
-    sources, _ = split_light_sources(radiance)
+    sources, _ = split_sources(radiance)
     assert len(sources) == 2
     for number, source in enumerate(sources, 1):
         light = UsdLux.DistantLight(stage.GetPrimAtPath(f"/Light/Source{number}"))

@@ -4,6 +4,7 @@ import { EXPONENT, SIGMA } from "../src/core/response.js";
 import { MAP_HEIGHT } from "../src/core/latlong.js";
 import { encodeExr } from "../src/files/exr.js";
 import { encodeHdr } from "../src/files/hdr.js";
+import { brightestSide } from "../src/light/light.js";
 import { askServer } from "./server.js";
 
 const FRAME =
@@ -18,7 +19,7 @@ const numbers = (values) => Array.from(values, (value) => Number(value.toFixed(6
 
 /** Everything but the pixels, with the keys of Light.sidecar. */
 export function sidecar(result, { photo, model, longFovDeg }) {
-  const { sh9, dominant, hints, ground, soft, wellExposedFraction, meanConfidence, object, uncertainty } = result.light;
+  const { sh9, sources, dominant, directionality, hints, ground, soft, outdoors, wellExposedFraction, meanConfidence, object, uncertainty } = result.light;
   return {
     version: VERSION,
     photo,
@@ -50,14 +51,22 @@ export function sidecar(result, { photo, model, longFovDeg }) {
     well_exposed_fraction: Number(wellExposedFraction.toFixed(4)),
     sh9: Array.from({ length: 9 }, (_, i) => numbers(sh9.slice(3 * i, 3 * i + 3))),
     ...(soft === undefined ? {} : { soft: Number(soft.toFixed(3)) }),
+    ...(outdoors === undefined ? {} : { outdoors: Number(outdoors.toFixed(3)) }),
+    ...(result.light.isSoft ? { brightest_side: brightestSide(result.light) } : {}),
     dominant_light: {
       direction: numbers(dominant.direction),
       irradiance: numbers(dominant.irradiance),
       color: numbers(dominant.color),
-      solid_angle_sr: Number(dominant.solidAngle.toFixed(5)),
-      directionality: Number(dominant.directionality.toFixed(4)),
+      solid_angle_sr: Number((2 * Math.PI * (1 - Math.cos((dominant.radiusDeg * Math.PI) / 180))).toFixed(5)),
+      directionality: Number(directionality.toFixed(4)),
       error_deg: Number(dominant.errorDeg.toFixed(1)),
     },
+    sources: sources.map(({ direction, radiusDeg, power, exists }) => ({
+      direction: numbers(direction),
+      radius_deg: Number(radiusDeg.toFixed(2)),
+      power: numbers(power),
+      exists: Number(exists.toFixed(3)),
+    })),
   };
 }
 

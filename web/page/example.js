@@ -16,11 +16,12 @@ export async function readExample() {
   ]);
   const mask = Float32Array.from({ length: maskPicture.rgba.length / 4 }, (_, i) => maskPicture.rgba[4 * i] / 255);
   const light = new Light({
-    ...describe(unpack(answer.radiance)),
+    ...describe(unpack(answer.radiance), { errorDeg: answer.dominant_light.error_deg }),
     hints: { surroundings: 0 },
     meanConfidence: answer.confidence,
     wellExposedFraction: answer.well_exposed_fraction,
     soft: answer.soft,
+    outdoors: answer.outdoors,
     ground: answer.ground && { pitchDeg: answer.ground.pitch_deg, rollDeg: answer.ground.roll_deg },
   });
   const stages = { irradiance: unpack(answer.stages.irradiance) };

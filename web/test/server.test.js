@@ -14,9 +14,9 @@ globalThis.createImageBitmap = async () => {
   throw new Error("no picture");
 };
 const radiance = new Float32Array(3 * 64 * 128);
-const dominant = { direction: [0, 1, 0], irradiance: [1, 1, 1], color: [1, 1, 1], solidAngle: 0.1, directionality: 0.5, errorDeg: 21.04 };
+const dominant = { direction: [0, 1, 0], irradiance: [1, 1, 1], color: [1, 1, 1], radiusDeg: 10, power: [1, 1, 1], exists: 0.9, errorDeg: 21.04 };
 const ground = { pitchDeg: 20.004, pitchErrorDeg: 4, rollDeg: 3, contact: [200, 300], source: "estimated" };
-const light = { radiance, dominant, ground, sh9: new Float32Array(27), hints: { surroundings: 0.2 }, wellExposedFraction: 1 };
+const light = { radiance, dominant, sources: [dominant], directionality: 0.5, ground, sh9: new Float32Array(27), hints: { surroundings: 0.2 }, wellExposedFraction: 1 };
 const about = { photo: "vase", model: "lift", longFovDeg: 50 };
 
 test("a server that does not answer is told of, with what to do", async () => {

@@ -61,8 +61,11 @@ def said_of(found: dict) -> list[str]:
 
 
 def error_of(found: dict) -> str:
-    """How far off the strongest source is in two of three cases; nothing of a panorama of the user's."""
-    error_deg = found["error_deg"]
+    """How far off the strongest source is in two of three cases, or that none dominates; nothing of a panorama of the
+    user's."""
+    error_deg, side = found["error_deg"], found["soft_from"]
+    if side is not None:
+        return f", soft light, brightest from {side}"
     return "" if error_deg is None else f", the main light give or take {error_deg:.0f} degrees"
 
 

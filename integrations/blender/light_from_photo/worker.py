@@ -114,6 +114,7 @@ def estimate(order: dict, folder: Path) -> dict:
     turn = np.array(order["turn"]) if order["turn"] else turned(order["heading_deg"], view.up)
     foot, (x0, y0, x1, y1) = view.on_ground(*contact_of(photo.mask)), object_box(photo.mask)
     error_deg = None if order["library"] else light.dominant_light().error_deg
+    said_sources = light.said_sources if radiance is light.radiance else None
     level = None if order["turn"] else level_by(light.ground, photo, pitch_deg, view.up)
     paths = export(
         radiance,
@@ -123,6 +124,7 @@ def estimate(order: dict, folder: Path) -> dict:
         world_from_camera=np.array(BLENDER.axes).T @ turn,
         origin=origin_of(light.sidecar()) | ({"level": level} if level else {}),
         error_deg=error_deg,
+        said_sources=said_sources,
     )
     write_png(folder / "object.png", draw_overlay(photo.rgb, photo.mask))
     write_balls(radiance, folder)
@@ -133,6 +135,7 @@ def estimate(order: dict, folder: Path) -> dict:
         "sources": sources_of(side),
         "turn": turn.tolist(),
         "error_deg": error_deg,
+        "soft_from": light.brightest_side() if light.is_soft and not order["library"] else None,
         "level": level,
         "long_fov_deg": view.long_fov_deg,
         "fov_source": photo.fov_source,

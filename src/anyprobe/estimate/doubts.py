@@ -18,7 +18,8 @@ from anyprobe.estimate.ground import (
     pitch_words,
     up_of,
 )
-from anyprobe.light.dominant_light import find_dominant_light
+from anyprobe.light.harmonics import directionality, project
+from anyprobe.light.light_sources import find_dominant_light
 from anyprobe.notices import Notice, give
 
 if TYPE_CHECKING:
@@ -157,7 +158,7 @@ def light_doubts(
         error = USUAL_ERROR_DEG if pitch_deg is None else GIVEN_ERROR_DEG
     main = find_dominant_light(radiance)
     below = -float(np.degrees(np.arcsin(np.clip(main.direction @ up, -1.0, 1.0))))
-    if below < BELOW_DEG + error or main.directionality < DIRECTIONAL:
+    if below < BELOW_DEG + error or directionality(project(radiance)) < DIRECTIONAL:
         return ()
     text = (
         f"the dominant light comes from {below:.0f} degrees below the horizon, which is rare; "

@@ -171,7 +171,9 @@ class Estimator:
             origin=estimate_origin(photo, found, seconds, self.model_id),
             seen=said.seen,
             said_error_deg=None if said.errors is None else float(said.errors[0]),
+            said_sources=None if said.sources is None else said.sources[:, :4],
             soft=None if said.soft is None else float(said.soft[0]),
+            outdoors=None if said.outdoors is None else float(said.outdoors[0]),
             plate=None if is_plain else extract.plate,
         )
 

@@ -8,7 +8,7 @@ from anyprobe.core.color import luminance
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.estimate.result import Light
 from anyprobe.light.environment import MAP_HEIGHT, integral, rotate
-from anyprobe.match.kind import estimate_log_odds, log_odds, same_kind
+from anyprobe.match.kind import log_odds, same_kind
 from anyprobe.match.ranking import MatchedMap
 from anyprobe.match.shading import OWN_ERROR, shading_apart
 from anyprobe.notices import Notice, give
@@ -34,8 +34,7 @@ def match_doubts(light: Light, first: MatchedMap) -> list[Notice]:
             "and its background need different exposures; check the sheet before using the map"
         )
         doubts.append(Notice(text, code="match-level"))
-    odds = estimate_log_odds(estimate, light.pitch_deg)
-    return doubts + kind_doubts(odds, first.library.lights[first.index], first.name)
+    return doubts + kind_doubts(light.outdoors, first.library.lights[first.index], first.name)
 
 
 def fit_doubts(estimate: np.ndarray, radiance: np.ndarray) -> list[Notice]:
@@ -53,11 +52,11 @@ def fit_doubts(estimate: np.ndarray, radiance: np.ndarray) -> list[Notice]:
     return [Notice(text, code="match-fit")]
 
 
-def kind_doubts(odds: float, radiance: np.ndarray, name: str) -> list[Notice]:
-    """Return a warning if a panorama [H, 2H, 3] is hardly of the same kind of place as a light with these log odds, see
-    match.kind."""
+def kind_doubts(outdoors: float | None, radiance: np.ndarray, name: str) -> list[Notice]:
+    """Return a warning if a panorama [H, 2H, 3] is hardly of the same kind of place as a light's, which is outdoors
+    with this probability, see match.kind."""
     theirs = log_odds(radiance[None])
-    if same_kind(odds, theirs)[0] > UNLIKE:
+    if same_kind(outdoors, theirs)[0] > UNLIKE:
         return []
     kinds = ("outdoors", "indoors") if theirs[0] > 0 else ("indoors", "outdoors")
     text = "looks {}, but the light is as {}; check the map before using it".format(*kinds)

@@ -71,8 +71,8 @@ class Said:
         soft: [1] probability that no source dominates.
         errors: [3] of the strongest source's direction [degrees], of ln of the level, of the mean colour [degrees].
         posture: [3] pitch downwards, roll, and the pitch's mean error [degrees].
-        field_of_view: [2] of the longer side, and its mean error [degrees].
-        outdoors: [1] probability.
+        field_of_view: [2] of the longer side, and its mean error [degrees]; today the lens that was given or assumed.
+        outdoors: [1] probability; today by how bluish and bright the map's upper half is.
         background: [2] 1 where it was not used because it is plain, and because it is much darker than the object.
         seen: [64, 128, 4] known part of the map: radiance times cover, cover.
         object_normals: [64, 64, 3] over the crop, in its frame.

@@ -10,37 +10,30 @@ import numpy as np
 
 from anyprobe.core.color import luminance
 from anyprobe.core.frames import is_rotation
-from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.errors import InputError
 from anyprobe.estimate.extract import Extract
 from anyprobe.estimate.merged_surroundings import lay_over
 from anyprobe.estimate.result import Light
 from anyprobe.estimate.sidecar import Origin
 from anyprobe.light.environment import integral, rotate
-from anyprobe.light.filtering import blur_cosine_power
+from anyprobe.light.light_sources import LightSource, draw_sources, find_sources
 from anyprobe.light.temporal import OFFSET
 from anyprobe.notices import Notice
 
 if TYPE_CHECKING:
     from jaxtyping import Float
 
-_PLACES = 3
-"""Largest number of places to which the light sources of several photos are gathered."""
-VOTE = 12.0
-"""Sharpness of the cosine power with which each photo's light sources vote for a place."""
 REACH = np.cos(np.radians(40.0))
-"""Cosine of the angle from a light source within which votes belong to it: 40 degrees."""
-SOURCE_RADIUS = np.radians(4.0)
-"""Radius [radians] of a light source, as in the maps of single photos."""
-LEAST_POWER = 1e-3
-"""Smallest luminance over the sphere of a light source."""
+"""Cosine of the angle within which photos' light sources are taken for one."""
+RADIUS_DEG = 4.0
+"""Radius of a light source, as in the maps of single photos."""
 
 
 def fuse(maps: Float[np.ndarray, "N H 2*H 3"], weights: Float[np.ndarray, "N H 2*H"]) -> Float[np.ndarray, "H 2*H 3"]:
-    """Fuse maps: their weighted geometric mean up to white, and their light sources by vote.
+    """Fuse maps: their weighted geometric mean up to white, and their light sources gathered.
 
     Light above white in all of them stays. The rest are small light sources that the photos place side by side: a mean
-    would show each photo's own, dimmer. They vote for places, and their mean power goes there.
+    would show each photo's own, dimmer. Their mean power goes to their middle.
 
     Args:
         maps: [N, H, 2H, 3] linear radiance, all in one frame and one scale.
@@ -53,29 +46,23 @@ def fuse(maps: Float[np.ndarray, "N H 2*H 3"], weights: Float[np.ndarray, "N H 2
     mean = np.maximum(np.exp((share * np.log(up_to_white + OFFSET)).sum(axis=0)) - OFFSET, 0.0)
     above = maps - up_to_white
     common = above.min(axis=0)
-    return (mean + common + _by_vote(above.mean(axis=0) - common)).astype(np.float32)
+    return (mean + common + _gathered(above - common)).astype(np.float32)
 
 
-def _by_vote(above: np.ndarray) -> np.ndarray:
-    """Gather all photos' light sources [H, 2H, 3] in a few, of the same power."""
-    d, solid_angles = pixel_directions(len(above)), pixel_solid_angles(len(above))
-    whole = left = luminance(above) * solid_angles
-    found, power = np.zeros_like(above), 0.0
-    for _ in range(_PLACES):
-        if left.sum() < LEAST_POWER:
-            break
-        votes = blur_cosine_power((left / solid_angles)[..., None], VOTE)[..., 0]
-        peak = d[np.unravel_index(np.argmax(votes), votes.shape)]
-        center = np.einsum("hw,hwc->c", left * np.maximum(d @ peak, 0.0) ** VOTE, d)
-        center /= np.linalg.norm(center)
-        mine = (left > 0) & (d @ center > REACH)
-        edge = (SOURCE_RADIUS - np.arccos(np.clip(d @ center, -1.0, 1.0))) * len(above) / np.pi
-        disc = np.clip(edge + 0.5, 0.0, 1.0)
-        color = (above * solid_angles[..., None] * mine[..., None]).sum(axis=(0, 1))
-        found += disc[..., None] * (color / (disc * solid_angles).sum())
-        power += float(left[mine].sum())
-        left = np.where(mine, 0.0, left)
-    return found * (whole.sum() / power) if power > 0 else found
+def _gathered(above: Float[np.ndarray, "N H 2*H 3"]) -> Float[np.ndarray, "H 2*H 3"]:
+    """Draw the light sources of N photos' maps where most of their power is together, of the same mean power."""
+    found = [source for one in above for source in find_sources(one)]
+    directions, powers = (np.array([getattr(one, name) for one in found]) for name in ("direction", "power"))
+    places = []
+    while len(powers):
+        near = directions @ directions.T > REACH
+        mine = near[np.argmax(near @ luminance(powers))]
+        toward = luminance(powers[mine]) @ directions[mine]
+        middle = toward / np.linalg.norm(toward)
+        places.append(LightSource(direction=middle, radius_deg=RADIUS_DEG, power=powers[mine].sum(axis=0)))
+        directions, powers = directions[~mine], powers[~mine]
+    drawn = draw_sources(above.shape[1], places)
+    return drawn * (luminance(integral(above.mean(axis=0))) / max(luminance(integral(drawn)), 1e-9))
 
 
 SURE = 2.0
@@ -139,7 +126,7 @@ def fuse_lights(lights: Sequence[Light], world_from_camera: Sequence[np.ndarray]
     known = all(light.confidence is not None for light in lights)
     notes = [line for light in lights for line in light.warnings]
     notes += [] if len(lights) == 1 or given else [NOT_GIVEN]
-    seen = _seen_together(lights, turns)
+    seen, said_outdoors = _seen_together(lights, turns), [one.outdoors for one in lights if one.outdoors is not None]
     return replace(
         first,
         seen=seen,
@@ -149,7 +136,9 @@ def fuse_lights(lights: Sequence[Light], world_from_camera: Sequence[np.ndarray]
         warnings=tuple(dict.fromkeys(notes)),
         find_shown=first.find_shown if len(lights) == 1 else None,
         soft=first.soft if len(lights) == 1 else None,
+        outdoors=float(np.mean(said_outdoors)) if said_outdoors else None,
         said_error_deg=first.said_error_deg if len(lights) == 1 else None,
+        said_sources=first.said_sources if len(lights) == 1 else None,
         origin=_fused_origin(lights, seen),
     )
 

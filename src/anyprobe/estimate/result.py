@@ -20,12 +20,20 @@ from anyprobe.errors import InputError, OutputError
 from anyprobe.estimate.ground import GUESSED, Ground, levelled
 from anyprobe.estimate.material_hint import MEASURED_CONFIDENCE
 from anyprobe.estimate.sheet import draw_preview
-from anyprobe.estimate.sidecar import SCALE, SIDECAR_VERSION, Origin, error_stated, frame_of, json_numbers, restored
+from anyprobe.estimate.sidecar import (
+    SCALE,
+    SIDECAR_VERSION,
+    Origin,
+    error_stated,
+    frame_of,
+    json_numbers,
+    restored,
+    source_json,
+)
 from anyprobe.files.atomic import atomic_path
-from anyprobe.light.dominant_light import DominantLight, find_dominant_light
 from anyprobe.light.environment import check_radiance, integral, rotate
-from anyprobe.light.harmonics import project
-from anyprobe.light.light_sources import LightSource, find_light_sources
+from anyprobe.light.harmonics import directionality, project
+from anyprobe.light.light_sources import NO_SOURCE, LightSource, find_sources, turned_said
 from anyprobe.maps.radiance import HALF_MAX, map_attributes, write_exr, write_hdr
 from anyprobe.notices import Notice, as_notice
 from anyprobe.pictures.images import png_bytes, write_png
@@ -71,7 +79,9 @@ class Light:
         plate: what the photo shows beside its object, for panorama; None where that is nothing, or not kept.
         seen: [64, 128, 4] what the photo shows of the light, in the camera's frame: radiance times cover, and cover.
         said_error_deg: error of the dominant light's direction, by the networks or the .json of a light that was saved.
+        said_sources: [S, 4] by the same: whether each source exists, in [0, 1], and its direction in the map's frame.
         soft: probability that no light source dominates; None where that is not known.
+        outdoors: probability that the place is outdoors; None where that is not known.
     """
 
     radiance: np.ndarray
@@ -86,7 +96,9 @@ class Light:
     plate: Plate | None = None
     seen: np.ndarray | None = None
     said_error_deg: float | None = None
+    said_sources: np.ndarray | None = None
     soft: float | None = None
+    outdoors: float | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "warnings", tuple(map(as_notice, self.warnings)))
@@ -136,20 +148,26 @@ class Light:
         """Radiance in nine real spherical harmonics, [9, 3]; order and signs of WebXR and three.js."""
         return project(self.radiance)
 
-    def dominant_light(self) -> DominantLight:
-        """Return the lobe that a directional light stands for: direction, irradiance, colour."""
-        main = find_dominant_light(self.radiance)
-        in_crop = (self.map_from_camera @ self.camera_from_crop).T @ main.direction
-        if self._is_measured(main.direction, in_crop):
-            return replace(main, error_deg=MIRROR_ERROR_DEG)
-        if not main.irradiance.any():
-            return main
-        return main if self.said_error_deg is None else replace(main, error_deg=self.said_error_deg)
+    def sources(self) -> tuple[LightSource, ...]:
+        """Return the light's sources, the dominant one first: direction and its error, size, power, whether it exists.
 
-    def _is_measured(self, direction: np.ndarray, in_crop: np.ndarray) -> bool:
+        Of the others, those that are likely there; none of a black or even map.
+        """
+        main, *others = find_sources(self.radiance, self.said_sources) or (NO_SOURCE,)
+        if main is NO_SOURCE:
+            return ()
+        error_deg = MIRROR_ERROR_DEG if self._is_measured(main.direction) else self.said_error_deg
+        return (main if error_deg is None else replace(main, error_deg=error_deg), *others)
+
+    def dominant_light(self) -> LightSource:
+        """Return the first of sources; one without power, straight above, where there is none."""
+        return next(iter(self.sources()), NO_SOURCE)
+
+    def _is_measured(self, direction: np.ndarray) -> bool:
         """Return whether a mirror shows what is there, unclipped; its rim shows too little of what is behind it."""
         if self.confidence is None or not (self.origin.hints or {}).get("above_white"):
             return False
+        in_crop = (self.map_from_camera @ self.camera_from_crop).T @ direction
         at = bilinear(self.confidence[..., None], direction_to_uv(direction))
         return bool(at[0] > 0.9 * MEASURED_CONFIDENCE and in_crop[2] > BEHIND)
 
@@ -165,11 +183,6 @@ class Light:
         axis = int(np.abs(toward).argmax())
         return SIDES[axis][int(toward[axis] > 0)]
 
-    def sources(self) -> tuple[LightSource, ...]:
-        """Return the map's light sources, the brightest place first: direction, irradiance, angular size; none under an
-        even sky."""
-        return find_light_sources(self.radiance)
-
     def rotate(self, rotation: np.ndarray) -> Light:
         """Return the light after the world is turned by rotation [3, 3]: new(d) = old(rotation^T d).
 
@@ -183,7 +196,10 @@ class Light:
             text = f"expected a [3, 3] rotation matrix, got {' '.join(str(rotation).split())}; "
             raise InputError(text + "build it with anyprobe.core.frames", subject="rotation")
         turned = replace(
-            self, radiance=rotate(self.radiance, rotation), map_from_camera=rotation @ self.map_from_camera
+            self,
+            radiance=rotate(self.radiance, rotation),
+            map_from_camera=rotation @ self.map_from_camera,
+            said_sources=turned_said(self.said_sources, rotation),
         )
         if self.confidence is None:
             return turned
@@ -262,6 +278,7 @@ class Light:
             self.pitch_deg,
             pitch_error_deg=0.0 if is_known or self.ground is None else self.ground.pitch_error_deg,
             roll_deg=self.ground.roll_deg if self.ground is not None and self.ground.is_known else 0.0,
+            outdoors=self.outdoors,
         )
         return ranked[:best]
 
@@ -295,11 +312,12 @@ class Light:
             origin |= level
         if is_estimate:
             settings.setdefault("error_deg", error_stated(said))
+            settings.setdefault("said_sources", self.said_sources)
         return export(self.radiance, target, folder, stem, origin=origin, **settings)
 
     def sidecar(self) -> dict[str, Any]:
         """Everything but the pixels, ready for JSON; lists of plain numbers."""
-        main = self.dominant_light()
+        main, sh9 = self.dominant_light(), self.sh9()
         return {
             "version": SIDECAR_VERSION,
             **self.info,
@@ -310,16 +328,19 @@ class Light:
             "size": [self.radiance.shape[1], self.radiance.shape[0]],
             "confidence": self._mean_confidence(),
             "well_exposed_fraction": round(float(self.well_exposed_fraction), 4),
-            "sh9": json_numbers(self.sh9()),
+            "sh9": json_numbers(sh9),
             "dominant_light": {
                 "direction": json_numbers(main.direction),
                 "irradiance": json_numbers(main.irradiance),
                 "color": json_numbers(main.color),
                 "solid_angle_sr": round(main.solid_angle, 5),
-                "directionality": round(main.directionality, 4),
+                "directionality": round(directionality(sh9), 4),
                 "error_deg": round(main.error_deg, 1),
             },
+            "sources": [source_json(one) for one in self.sources()],
             **({} if self.soft is None else {"soft": round(float(self.soft), 3)}),
+            **({} if self.outdoors is None else {"outdoors": round(float(self.outdoors), 3)}),
+            **({"brightest_side": self.brightest_side()} if self.is_soft else {}),
             "camera_from_crop": json_numbers(self.camera_from_crop),
             "warnings": list(self.warnings),
             "notices": [one.as_json() for one in self.warnings],

@@ -10,7 +10,7 @@ import numpy as np
 from anyprobe.core.frames import is_rotation, rotation_of
 from anyprobe.errors import InputError
 from anyprobe.estimate.ground import Ground, levelled
-from anyprobe.estimate.sidecar import FRAME, error_stated
+from anyprobe.estimate.sidecar import FRAME, error_stated, sources_stated
 from anyprobe.export.exported_light import map_from_camera, origin_of, origin_turned, sidecar_beside
 from anyprobe.inputs.description import numbers_in
 
@@ -52,4 +52,5 @@ def export_settings(path: Path, world_from_camera: np.ndarray | None, *, is_leve
             "light again, or move the .json away",
             source=path.with_suffix(".json"),
         ) from error
-    return {"world_from_camera": world_from_camera, "origin": origin, "error_deg": error_stated(said)}
+    stated = {"error_deg": error_stated(said), "said_sources": sources_stated(said)}
+    return {"world_from_camera": world_from_camera, "origin": origin, **stated}

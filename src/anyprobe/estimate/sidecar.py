@@ -12,6 +12,7 @@ import numpy as np
 from anyprobe.core.frames import is_rotation
 from anyprobe.errors import InputError
 from anyprobe.estimate.ground import Ground
+from anyprobe.light.light_sources import LightSource
 from anyprobe.notices import Notice, as_notice
 
 SIDECAR_VERSION = 4
@@ -22,7 +23,7 @@ SCALE = "linear Rec. 709 radiance in the photo's exposure units: 1 is what the c
 
 OF_THE_MAP = (
     "version frame map_from_camera scale exposure_ev response size confidence well_exposed_fraction sh9 soft "
-    "dominant_light camera_from_crop warnings notices radiance stages"
+    "outdoors brightest_side dominant_light sources camera_from_crop warnings notices radiance stages"
 ).split()
 """Keys of a sidecar, or of the server's answer kept as one, besides a light's info."""
 
@@ -122,6 +123,26 @@ def error_stated(estimate: Mapping[str, Any]) -> float | None:
     return float(error) if isinstance(error, int | float) and 0 <= error <= 180 else None
 
 
+def sources_stated(estimate: Mapping[str, Any]) -> np.ndarray | None:
+    """Return whether each source of an estimate's sidecar exists, and its direction, [S, 4]; None without."""
+    try:
+        found = np.array([[one["exists"], *one["direction"]] for one in estimate["sources"]], np.float64)
+    except (KeyError, TypeError, ValueError, OverflowError):
+        return None
+    is_whole = found.shape[1:] == (4,) and bool((np.abs(found) <= 1.001).all())
+    return found if is_whole else None
+
+
+def source_json(source: LightSource, digits: int = 6) -> dict[str, Any]:
+    """Return a light source for JSON."""
+    return {
+        "direction": json_numbers(source.direction, digits),
+        "radius_deg": round(source.radius_deg, 2),
+        "power": json_numbers(source.power, digits),
+        "exists": round(source.exists, 3),
+    }
+
+
 def restored(said: Mapping[str, Any], path: Path) -> dict[str, Any]:
     """Return a sidecar as a Light's attributes (the page writes fewer); the rest is its origin."""
     if said.get("version") != SIDECAR_VERSION:
@@ -141,10 +162,12 @@ def restored(said: Mapping[str, Any], path: Path) -> dict[str, Any]:
             "camera_from_crop; save the light again, or move the .json away",
             source=path,
         )
-    soft = said.get("soft")
-    attributes: dict[str, Any] = {"soft": soft if isinstance(soft, int | float) and 0 <= soft <= 1 else None}
+    shares = {name: said.get(name) for name in ("soft", "outdoors")}
+    attributes: dict[str, Any] = {
+        name: share if isinstance(share, int | float) and 0 <= share <= 1 else None for name, share in shares.items()
+    }
     attributes |= {"well_exposed_fraction": exposed, "warnings": warnings, "camera_from_crop": camera_from_crop}
-    return attributes | {"said_error_deg": error_stated(said), "origin": origin}
+    return attributes | {"said_error_deg": error_stated(said), "said_sources": sources_stated(said), "origin": origin}
 
 
 def frame_of(map_from_camera: np.ndarray) -> dict[str, Any]:

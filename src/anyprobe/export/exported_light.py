@@ -19,10 +19,9 @@ from anyprobe.core.frames import is_rotation
 from anyprobe.errors import InputError, InvalidEnvironment
 from anyprobe.export.target_frames import FRONT, TargetFrame, webxr
 from anyprobe.files.paths import is_there, read_regular
-from anyprobe.light.dominant_light import DominantLight, split_dominant_light
 from anyprobe.light.environment import check_radiance, rotate
-from anyprobe.light.harmonics import project
-from anyprobe.light.light_sources import split_light_sources
+from anyprobe.light.harmonics import directionality, project
+from anyprobe.light.light_sources import LightSource, split_dominant_light, split_sources, turned_said
 from anyprobe.maps.radiance import HALF_MAX, HALF_MIN, map_attributes, read_radiance, write_exr, write_hdr
 
 if TYPE_CHECKING:
@@ -41,28 +40,8 @@ BRIGHTEST_RADIANCE = 1e12
 """Largest radiance: above it squares and sums leave float32's range; the sun in candela per square metre is 1.6e9."""
 MAX_SIDECAR_BYTES = 2**26
 """Largest .json [bytes] that is read beside a map; ours have a few kilobytes."""
-ORIGIN_KEYS = ("photo", "model", "long_fov_deg", "fov_source", "confidence", "response", "warnings", "level")
+ORIGIN_KEYS = ("photo model long_fov_deg fov_source confidence response soft brightest_side warnings level").split()
 """Keys that an export keeps of the estimate's sidecar: not its SH and dominant light, which turn with the map."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class DirectionalLight:
-    """Round light at infinity: direction [3] towards it, irradiance [3] on a plane that faces it, diameter of its
-    disc."""
-
-    direction: np.ndarray
-    irradiance: np.ndarray
-    angle_deg: float
-
-    @property
-    def intensity(self) -> float:
-        """The largest channel of the irradiance."""
-        return float(self.irradiance.max())
-
-    @property
-    def color(self) -> np.ndarray:
-        """The irradiance over its largest channel [3]; ones where there is none."""
-        return self.irradiance / self.intensity if self.intensity > 0 else np.ones(3)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,8 +58,8 @@ class ExportedLight:
 
     radiance: np.ndarray
     ambient: np.ndarray
-    main: DominantLight
-    lights: tuple[DirectionalLight, ...]
+    main: LightSource
+    lights: tuple[LightSource, ...]
     sh_full: np.ndarray
     sh_ambient: np.ndarray
     name: str
@@ -88,12 +67,6 @@ class ExportedLight:
     exposure_ev: float
     origin: Mapping[str, Any] = field(default_factory=dict)
     error_deg: float | None = None
-
-
-def angle_of(main: DominantLight) -> float:
-    """Return the diameter [degrees] of the disc with a dominant light's solid angle."""
-    cosine = 1.0 - min(main.solid_angle, 4.0 * np.pi) / (2.0 * np.pi)
-    return float(np.degrees(2.0 * np.arccos(np.clip(cosine, -1.0, 1.0))))
 
 
 def prepare(
@@ -104,11 +77,13 @@ def prepare(
     exposure_ev: float = 0.0,
     origin: Mapping[str, Any] | None = None,
     error_deg: float | None = None,
+    said_sources: Float[np.ndarray, "S 4"] | None = None,
     sources: bool = False,
 ) -> ExportedLight:
     """Turn a map [H, 2H, 3] into the world's frame, expose it, and split off its sources, or its dominant light.
 
     A map that was already turned, by its origin's map_from_camera, stays so; world_from_camera covers both.
+    said_sources: see light.light_sources.find_sources; in the map's frame.
 
     Raises:
         InputError: not a rotation, an exposure beyond 30 stops, an invalid file name.
@@ -135,16 +110,11 @@ def prepare(
             "it by one number, or lower the exposure",
             source=name,
         )
-    main, ambient = split_dominant_light(radiance)
-    lights: tuple[DirectionalLight, ...] = (
-        DirectionalLight(direction=main.direction, irradiance=main.irradiance, angle_deg=angle_of(main)),
-    )
+    said = turned_said(said_sources, turn)
+    main, ambient = split_dominant_light(radiance, said)
+    lights: tuple[LightSource, ...] = (main,)
     if sources:
-        found, ambient = split_light_sources(radiance)
-        lights = tuple(
-            DirectionalLight(direction=source.direction, irradiance=source.irradiance, angle_deg=2 * source.radius_deg)
-            for source in found
-        )
+        lights, ambient = split_sources(radiance, said)
     return ExportedLight(
         radiance=radiance,
         ambient=ambient,
@@ -206,8 +176,8 @@ def sidecar(light: ExportedLight, target: str, frame: TargetFrame, more: Mapping
         "dominant_light": {
             "unit": "irradiance of a plane that faces it; white Lambert there sends irradiance / pi",
             "direction_in_target": numbers(frame.from_ours(light.main.direction)),
-            "angle_deg": round(angle_of(light.main), 3),
-            "directionality": round(float(light.main.directionality), 4),
+            "angle_deg": round(2 * light.main.radius_deg, 3),
+            "directionality": round(directionality(light.sh_full), 4),
             **({} if light.error_deg is None else {"error_deg": round(light.error_deg, 1)}),
         },
         "lights": [
@@ -215,7 +185,8 @@ def sidecar(light: ExportedLight, target: str, frame: TargetFrame, more: Mapping
                 "direction": numbers(source.direction),
                 "direction_in_target": numbers(frame.from_ours(source.direction)),
                 "irradiance": numbers(source.irradiance),
-                "angle_deg": round(source.angle_deg, 3),
+                "angle_deg": round(2 * source.radius_deg, 3),
+                "exists": round(source.exists, 3),
             }
             for source in light.lights
         ],

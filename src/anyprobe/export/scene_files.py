@@ -21,17 +21,11 @@ import numpy as np
 
 from anyprobe.core.sampling import hammersley
 from anyprobe.export.cube_textures import C_FROM_OURS, clipped_share, cube_faces, face_directions, face_size
-from anyprobe.export.exported_light import (
-    EXPORT_SCALE,
-    DirectionalLight,
-    ExportedLight,
-    numbers,
-    read_template,
-    write_maps,
-)
+from anyprobe.export.exported_light import EXPORT_SCALE, ExportedLight, numbers, read_template, write_maps
 from anyprobe.export.target_frames import OPENEXR, gltf
 from anyprobe.files.meshes import glb_file
 from anyprobe.light.environment import reduced
+from anyprobe.light.light_sources import LightSource
 from anyprobe.light.octahedral import build_pyramid
 from anyprobe.maps.exr import write_channels
 from anyprobe.pictures.images import png_bytes
@@ -122,8 +116,8 @@ def write_gltf(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
                     "type": "directional",
                     "name": f"{light.name} source {number}",
                     "color": numbers(source.color),
-                    "intensity": numbers(source.intensity),
-                    "extras": {"angle_deg": round(source.angle_deg, 3)},  # the extension has no sizes
+                    "intensity": numbers(source.irradiance.max()),
+                    "extras": {"angle_deg": round(2 * source.radius_deg, 3)},  # the extension has no sizes
                 }
                 for number, source in enumerate(light.lights, 1)
             ]
@@ -174,13 +168,13 @@ def write_usd(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
     return {"usd": {"dome_light_pole": "+Y", "light_prims": prims}}
 
 
-def _distant_light(number: int, light: DirectionalLight) -> str:
+def _distant_light(number: int, light: LightSource) -> str:
     """Return a light as a prim of the stage's variant."""
     return read_template("distant_light.usda").format(
         number=number,
-        angle=round(light.angle_deg, 4),
+        angle=round(2 * light.radius_deg, 4),
         color=", ".join(map(str, numbers(light.color))),
-        intensity=numbers(light.intensity),
+        intensity=numbers(light.irradiance.max()),
         matrix=", ".join(f"({', '.join(map(str, row))})" for row in pointing_away(light.direction)),
     )
 

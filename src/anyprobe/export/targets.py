@@ -17,7 +17,6 @@ from anyprobe.errors import InputError
 from anyprobe.export import cube_textures, scene_files
 from anyprobe.export.exported_light import (
     ExportedLight,
-    angle_of,
     numbers,
     prepare,
     primary_light,
@@ -49,7 +48,11 @@ def write_webxr(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
         **primary_light(light),
         "sphericalHarmonicsCoefficients": numbers(webxr(light.sh_ambient)),
         "sources": [
-            {"direction": numbers(one.direction), "irradiance": numbers(one.irradiance), "angle_deg": one.angle_deg}
+            {
+                "direction": numbers(one.direction),
+                "irradiance": numbers(one.irradiance),
+                "angle_deg": 2 * one.radius_deg,
+            }
             for one in light.lights
         ],
     }
@@ -78,7 +81,7 @@ def write_unreal(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
         r=r,
         g=g,
         b=b,
-        angle=angle_of(light.main),
+        angle=2 * light.main.radius_deg,
         error=doubt,
     )
     (folder / f"{light.name}.txt").write_text(notes, encoding="utf-8")
@@ -235,6 +238,7 @@ def export(
     exposure_ev: float = 0.0,
     origin: Mapping[str, Any] | None = None,
     error_deg: float | None = None,
+    said_sources: Float[np.ndarray, "S 4"] | None = None,
 ) -> list[Path]:
     """Export a light for one target into folder: every name begins with <stem>_<target>.
 
@@ -248,6 +252,7 @@ def export(
         exposure_ev: stops; 1 doubles the light. The sidecar records it.
         origin: entries of the estimate's own sidecar, carried along.
         error_deg: the estimate's error of its dominant light's direction [degrees]; None if it is none, or not known.
+        said_sources: what the estimate says of its sources, see light.light_sources.find_sources.
     Returns:
         The paths, sorted.
     Raises:
@@ -263,6 +268,7 @@ def export(
         exposure_ev=exposure_ev,
         origin=origin,
         error_deg=error_deg,
+        said_sources=said_sources,
     )
     for doubt in doubts:
         warnings.warn(doubt, RuntimeWarning, stacklevel=2)

@@ -17,6 +17,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from anyprobe.core.color import luminance
+
 if TYPE_CHECKING:
     from jaxtyping import Float
 
@@ -87,3 +89,9 @@ def project(radiance: Float[np.ndarray, "H 2*H 3"]) -> Float[np.ndarray, "9 3"]:
 def irradiance(coefficients: Float[np.ndarray, "9 3"], n: Float[np.ndarray, "... 3"]) -> Float[np.ndarray, "... 3"]:
     """Evaluate E(n) = sum of A_l L_i Y_i(n): [9, 3] and [..., 3] -> [..., 3]; Lambert sends albedo E / pi."""
     return sh_basis(n) @ (coefficients * COSINE_LOBE.astype(coefficients.dtype)[:, None])
+
+
+def directionality(coefficients: Float[np.ndarray, "9 3"]) -> float:
+    """Return |integral of L d dw| / integral of L dw of luminance, 0 (even light) to 1 (one direction)."""
+    bright = luminance(coefficients[:4].astype(np.float64)) / K[:4]
+    return float(np.linalg.norm(bright[1:]) / bright[0]) if bright[0] > 0 else 0.0

@@ -1,6 +1,6 @@
 """Lights of a video, kept still on a still scene and quick where the light changes.
 
-A frame's map is split into a soft part and discrete sources (light.source_split). The soft part is averaged pixel by
+A frame's map is split into a soft part and discrete sources (light.light_sources). The soft part is averaged pixel by
 pixel (light.steady). **Each source is a Kalman filter** of its direction and of ln(power, radius), whose state x with
 variance P and measurement z with variance R give
 
@@ -28,11 +28,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from anyprobe.core.color import luminance
-from anyprobe.core.contract import contract
 from anyprobe.core.frames import check_pose
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.light.environment import check_radiance, rotate
-from anyprobe.light.source_split import Source, draw_sources, split_sources
+from anyprobe.light.light_sources import BLUR_RADIUS, LightSource, draw_sources, edge_cosine, split_sources
 from anyprobe.light.steady import FILTER, Smoothing, Steady, advance, begin_filter
 
 if TYPE_CHECKING:
@@ -43,8 +42,6 @@ OFFSET: float = FILTER["offset"]
 SLOPE = np.float32(1.0 + OFFSET)
 WHITE = np.log(SLOPE)
 """y = ln(L + OFFSET) of L = 1; above it dL = SLOPE dy."""
-PEAK = float(np.radians(contract("dominant_light")["blur_deg"]))
-"""Radius [radians] of the cap within which find_dominant_light compares."""
 RULES = FILTER["source"]
 LEAD_MARGIN: float = RULES["margin"]
 """Least ratio of the leader's peak to that of any other source that is shown."""
@@ -93,10 +90,10 @@ class Track:
     leads: bool = False
 
     @property
-    def source(self) -> Source:
+    def source(self) -> LightSource:
         """The source with the shown part of its power."""
         power = np.maximum(np.exp(self.size[:3]) - OFFSET, 0.0) * self.share
-        return Source(direction=self.direction, power=power, radius=float(np.exp(self.size[3])))
+        return LightSource(direction=self.direction, power=power, radius_deg=float(np.exp(self.size[3])))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -118,7 +115,7 @@ class FilterState:
     in_world: bool = False
 
     @property
-    def sources(self) -> tuple[Source, ...]:
+    def sources(self) -> tuple[LightSource, ...]:
         """The discrete sources to show, the leader first."""
         ordered = sorted(self.tracks, key=lambda track: not track.leads)
         found = [one for one in (track.source for track in ordered) if luminance(one.power) > 0.0]
@@ -162,7 +159,7 @@ def step(
         InputError: world_from_camera is no rotation. InvalidEnvironment: not a map.
     """
     c, n = smoothing or Smoothing(), numbers or SourceFilter()
-    soft, sources = split_sources(check_radiance(radiance, "frame's light"))
+    sources, soft = split_sources(check_radiance(radiance, "frame's light"))
     in_world = world_from_camera is not None
     pose = np.eye(3) if world_from_camera is None else check_pose(world_from_camera, "world_from_camera")
     if in_world:
@@ -199,13 +196,15 @@ def step(
     )
 
 
-def _begun(y: np.ndarray, sources: Sequence[Source], pose: np.ndarray, in_world: bool, n: SourceFilter) -> FilterState:
+def _begun(
+    y: np.ndarray, sources: Sequence[LightSource], pose: np.ndarray, in_world: bool, n: SourceFilter
+) -> FilterState:
     """Return the first state, or that after a cut."""
     tracks = _led(tuple(_new(one, n, share=1.0) for one in sources), n.lead)
     return FilterState(soft=begin_filter(y), tracks=tracks, pose=pose, in_world=in_world)
 
 
-def _new(source: Source, n: SourceFilter, share: float) -> Track:
+def _new(source: LightSource, n: SourceFilter, share: float) -> Track:
     direction = np.asarray(source.direction, np.float64)
     return Track(
         direction=direction, size=_size(source), variance=n.noise**2, size_variance=n.size_noise**2, share=share
@@ -221,7 +220,7 @@ def _predicted(track: Track, dt_s: float, turned: float, in_world: bool, n: Sour
     )
 
 
-def _updated(track: Track, source: Source, n: SourceFilter) -> Track:
+def _updated(track: Track, source: LightSource, n: SourceFilter) -> Track:
     """Return a track after a measurement of its source, whose innovation counts up to the gate."""
     gain = track.variance / (track.variance + n.noise**2)
     size_gain = track.size_variance / (track.size_variance + n.size_noise**2)
@@ -239,7 +238,7 @@ def _updated(track: Track, source: Source, n: SourceFilter) -> Track:
 
 
 def _followed(
-    tracks: Sequence[Track], sources: Sequence[Source], pairs: dict[int, int], dt_s: float, n: SourceFilter
+    tracks: Sequence[Track], sources: Sequence[LightSource], pairs: dict[int, int], dt_s: float, n: SourceFilter
 ) -> tuple[Track, ...]:
     """Return the tracks after one more frame: those that it has, those that it lacks, fading, and new ones."""
     fade = min(dt_s / n.fade_s, 1.0)
@@ -254,7 +253,7 @@ def _followed(
     return tuple(track for track in followed if track.share > 0.0)
 
 
-def _pairs(tracks: Sequence[Track], sources: Sequence[Source], n: SourceFilter) -> dict[int, int]:
+def _pairs(tracks: Sequence[Track], sources: Sequence[LightSource], n: SourceFilter) -> dict[int, int]:
     """Match sources of the frame to tracks by the least innovation: indices of sources by those of tracks.
 
     A source's reach is its own radius: a wide one's centre is less certain.
@@ -262,7 +261,7 @@ def _pairs(tracks: Sequence[Track], sources: Sequence[Source], n: SourceFilter) 
     costs = []
     for i, track in enumerate(tracks):
         for j, source in enumerate(sources):
-            angle = _angle(track.direction, source.direction) / (n.gate + source.radius / 2.0)
+            angle = _angle(track.direction, source.direction) / (n.gate + np.radians(source.radius_deg) / 2.0)
             if angle <= 1.0:
                 ratio = float(np.abs(track.size[:3] - _size(source)[:3]).mean())
                 costs.append((angle + ratio, i, j))
@@ -274,7 +273,7 @@ def _pairs(tracks: Sequence[Track], sources: Sequence[Source], n: SourceFilter) 
 
 
 def _with_leader_at_strongest(
-    tracks: tuple[Track, ...], sources: Sequence[Source], pairs: dict[int, int], n: SourceFilter
+    tracks: tuple[Track, ...], sources: Sequence[LightSource], pairs: dict[int, int], n: SourceFilter
 ) -> tuple[tuple[Track, ...], dict[int, int]]:
     """Match the leader with the strongest source, wherever it is; it is as uncertain as half a frame's noise."""
     leader = next((i for i, track in enumerate(tracks) if track.leads), None)
@@ -286,15 +285,15 @@ def _with_leader_at_strongest(
     return (*tracks[:leader], doubted, *tracks[leader + 1 :]), {**others, leader: first}
 
 
-def _peak(source: Source) -> float:
-    """Return the luminance of a drawn source, summed within PEAK of its middle."""
-    edge = 1.0 - np.cos(source.radius)
-    beyond = max(np.cos(PEAK) - np.cos(source.radius), 0.0) / edge
+def _peak(source: LightSource) -> float:
+    """Return the luminance of a drawn source, summed within BLUR_RADIUS of its middle."""
+    edge = edge_cosine(source)
+    beyond = max(np.cos(BLUR_RADIUS) - edge, 0.0) / (1.0 - edge)
     return float(luminance(source.power)) * (1.0 - beyond**2)
 
 
-def _strength(source: Source) -> float:
-    """Return a source's rank: between its power and find_dominant_light's measure, in which wide sources are dull."""
+def _strength(source: LightSource) -> float:
+    """Return a source's rank: between its power and what the dominant light goes by, in which wide sources are dull."""
     return float(np.sqrt(float(luminance(source.power)) * _peak(source)))
 
 
@@ -309,7 +308,7 @@ def _led(tracks: Sequence[Track], lead: float) -> tuple[Track, ...]:
     return tuple(replace(track, leads=i == best) for i, track in enumerate(tracks))
 
 
-def _is_odd(tracks: Sequence[Track], sources: Sequence[Source], pairs: dict[int, int], n: SourceFilter) -> bool:
+def _is_odd(tracks: Sequence[Track], sources: Sequence[LightSource], pairs: dict[int, int], n: SourceFilter) -> bool:
     """Return whether a frame shows another leader than the known one."""
     for i, track in enumerate(tracks):
         if track.leads:
@@ -318,14 +317,14 @@ def _is_odd(tracks: Sequence[Track], sources: Sequence[Source], pairs: dict[int,
     return False
 
 
-def _weaker(source: Source, leader: Source) -> Source:
+def _weaker(source: LightSource, leader: LightSource) -> LightSource:
     """Return a source whose peak is below the leader's by the margin, so that rank and map agree."""
     most = _peak(leader) / (LEAD_MARGIN * max(_peak(source), 1e-9))
     return source if most >= 1.0 else replace(source, power=source.power * most)
 
 
-def _size(source: Source) -> np.ndarray:
-    return np.log([*(source.power + OFFSET), source.radius])
+def _size(source: LightSource) -> np.ndarray:
+    return np.log([*(source.power + OFFSET), source.radius_deg])
 
 
 def _angle(one: np.ndarray, other: np.ndarray) -> float:

@@ -1,16 +1,15 @@
-"""Indoors or outdoors, as log odds: of panoramas, and of an estimate.
+"""Indoors or outdoors: the odds of panoramas, and how likely a place is of one kind with them.
 
 A place is outdoors if its upper part is blue and brighter than its lower one, and its lower part green. That is
-sometimes wrong; so it is a probability in a match, which excludes nothing.
+sometimes wrong; so it is a probability in a match, which excludes nothing. Of a photo's place the networks say it.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from anyprobe.core.frames import rotation_x
 from anyprobe.core.latlong import pixel_directions
-from anyprobe.light.environment import reduced, rotate
+from anyprobe.light.environment import reduced
 
 KIND_ROWS = 32
 """Rows at which maps are judged."""
@@ -26,7 +25,7 @@ training maps, of which it misclassifies 8; of 30 test maps 6.
 LOW, GREENEST = 0.3, 0.8
 """Largest y of what may be green, and the quantile."""
 MISJUDGED, MISJUDGED_ESTIMATE = 0.08, 0.25
-"""How often the odds of a map are wrong however large they are, and of an estimate, which is smoother.
+"""How often the odds of a map are wrong however large they are, and what is said of a photo's place.
 
 With them a map of the other kind loses at most 0.9 natural logarithms against one of the same, near the price that was
 best on left-out renders.
@@ -47,16 +46,11 @@ def log_odds(maps: np.ndarray) -> np.ndarray:
     return BRIGHTER * brighter + BLUE * bluish + GREEN * greenish - EVEN
 
 
-def estimate_log_odds(camera: np.ndarray, pitch_deg: float | None) -> float:
-    """Return the same of an estimate [H, 2H, 3] in the frame of a camera with this pitch downwards; None: unknown."""
-    level = camera if not pitch_deg else np.maximum(rotate(camera, rotation_x(-np.radians(pitch_deg))), 1e-9)
-    return float(log_odds(level[None])[0])
+def same_kind(outdoors: float | None, maps: np.ndarray) -> np.ndarray:
+    """Return the probability [N] that a place and maps are of one kind.
 
-
-def same_kind(estimate: float, maps: np.ndarray) -> np.ndarray:
-    """Return the probability [N] that a place and maps are of one kind, by the log odds of both."""
-    own, theirs = (
-        wrong + (1 - 2 * wrong) / (1 + np.exp(-np.clip(odds, -50.0, 50.0)))
-        for odds, wrong in ((estimate, MISJUDGED_ESTIMATE), (maps, MISJUDGED))
-    )
+    outdoors: probability that the place is outdoors; None: not known. maps: log odds [N].
+    """
+    own = MISJUDGED_ESTIMATE + (1 - 2 * MISJUDGED_ESTIMATE) * (0.5 if outdoors is None else outdoors)
+    theirs = MISJUDGED + (1 - 2 * MISJUDGED) / (1 + np.exp(-np.clip(maps, -50.0, 50.0)))
     return own * theirs + (1 - own) * (1 - theirs)

@@ -14,7 +14,7 @@ from anyprobe.core.latlong import bilinear, direction_to_uv, uv_to_direction
 from anyprobe.errors import InputError, OutputError
 from anyprobe.light.environment import reduced, rotate
 from anyprobe.maps.radiance import HALF_MAX, read_radiance, write_exr_planes
-from anyprobe.match.kind import estimate_log_odds, log_odds, same_kind
+from anyprobe.match.kind import log_odds, same_kind
 from anyprobe.match.library import Library
 from anyprobe.match.library_folder import check_unchanged, open_library
 from anyprobe.match.likeness import Shown, best_places, gain_of, shown_under
@@ -144,6 +144,7 @@ def rank_maps(
     *,
     pitch_error_deg: float = 0.0,
     roll_deg: float = 0.0,
+    outdoors: float | None = None,
 ) -> list[MatchedMap]:
     """Rank all maps of a folder by their posterior probability, the best first.
 
@@ -159,6 +160,7 @@ def rank_maps(
         pitch_deg: camera pitch downwards, where known; kept if it has no error.
         pitch_error_deg: its standard deviation; it is moved by up to 1.75 times as much.
         roll_deg: camera roll, which is kept, see estimate.ground.Ground.
+        outdoors: probability that the place is outdoors; None: not known.
     """
     if roll_deg:  # as for a camera without roll
         unrolled = rotation_z(np.radians(roll_deg))
@@ -172,7 +174,7 @@ def rank_maps(
     seen = shown_under(camera) if shown is None else shown
     places, misfits = best_places(seen, lights, pitch_deg, error_deg=pitch_error_deg)
     misfits = misfits + 0.5 * (shadings_apart(lights, places, camera) / USUAL_ERROR) ** 2
-    misfits = misfits - np.log(same_kind(estimate_log_odds(camera, pitch_deg), log_odds(lights)))
+    misfits = misfits - np.log(same_kind(outdoors, log_odds(lights)))
     return [
         MatchedMap(
             rank=rank,

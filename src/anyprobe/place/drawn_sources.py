@@ -34,17 +34,18 @@ LEAST_FREE = 0.05
 """Smallest share of a source outside what is seen, or clipped there, that is drawn, with the whole power."""
 
 
-def discs_of(sources: Sequence[LightSource], cover: np.ndarray, picture: np.ndarray) -> np.ndarray:
+def discs_of(sources: Sequence[LightSource], total: float, cover: np.ndarray, picture: np.ndarray) -> np.ndarray:
     """Return discs and glows of light sources [R, 2R, 3].
 
     Args:
+        total: luminance of the power of all light.
         cover: [R, 2R, 1] share of the picture [R, 2R, 3] that is seen, where only clipped pixels are sources.
     """
     rows = len(picture)
     drawn = np.zeros((rows, 2 * rows, 3), np.float32)
     for source in sources:
         radius = np.radians(max(source.radius_deg, LEAST_RADIUS_DEG))
-        is_strong = source.share >= STRONG
+        is_strong = luminance(source.power) >= STRONG * total
         glow = max(GLOW_RADII * radius, np.radians(GLOW_DEG)) if is_strong else np.radians(WIDE_DEG)
         top, bottom = _row_span(source.direction, REACH * glow, rows)
         d = pixel_directions(rows)[top:bottom]

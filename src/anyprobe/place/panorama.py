@@ -16,13 +16,14 @@ from pathlib import Path
 
 import numpy as np
 
+from anyprobe.core.color import luminance
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.core.response import response
 from anyprobe.errors import InputError, OutputError
-from anyprobe.light.environment import MAP_HEIGHT, reduced, rotate
+from anyprobe.light.environment import MAP_HEIGHT, integral, reduced, rotate
 from anyprobe.light.filtering import blur_cap, blur_cosine_power
 from anyprobe.light.harmonics import project
-from anyprobe.light.light_sources import split_light_sources
+from anyprobe.light.light_sources import split_sources
 from anyprobe.maps.radiance import HALF_MAX, write_exr, write_hdr
 from anyprobe.pictures.images import write_png
 from anyprobe.place.drawn_sources import discs_of
@@ -138,9 +139,9 @@ def compose(
     if plate is None and len(estimate) > MAP_HEIGHT:  # a map from elsewhere, which is sharp
         nothing = np.zeros((rows, 2 * rows, 1), np.float32)
         return enlarged_map(estimate, rows), np.concatenate([nothing, nothing + 1, nothing], axis=-1)
-    sources, rest = split_light_sources(reduced(estimate, MAP_HEIGHT))
+    sources, rest = split_sources(reduced(estimate, MAP_HEIGHT))
     picture, seen, continued = _place(rest, plate, frame_from_camera, rows)
-    fixed = picture * seen + discs_of(sources, seen, picture)
+    fixed = picture * seen + discs_of(sources, float(luminance(integral(estimate))), seen, picture)
     radiance = with_moments(picture * (1 - seen), fixed, project(estimate), 1 - continued)
     origin = np.concatenate([seen, (1 - seen) * (1 - continued), (1 - seen) * continued], axis=-1)
     return np.maximum(radiance, 0.0).astype(np.float32), origin.astype(np.float32)

@@ -14,10 +14,10 @@ from zipfile import BadZipFile
 import numpy as np
 
 from anyprobe.errors import InputError
-from anyprobe.estimate.sidecar import FRAME, SCALE, json_numbers
+from anyprobe.estimate.sidecar import FRAME, SCALE, json_numbers, source_json
 from anyprobe.files.atomic import atomic_path
-from anyprobe.light.dominant_light import split_dominant_light
 from anyprobe.light.harmonics import project
+from anyprobe.light.light_sources import find_sources, split_dominant_light
 from anyprobe.light.steady import Steady
 from anyprobe.light.temporal import FilterState, Track
 from anyprobe.notices import RESTART, Notice, Remedy
@@ -159,7 +159,7 @@ def _differing(then: dict[str, Any], now: dict[str, Any]) -> list[str]:
 
 
 def describe(radiance: np.ndarray) -> dict[str, Any]:
-    """Return a light in a few numbers: SH of all of it, SH without the dominant light, and the dominant light."""
+    """Return a light in a few numbers: SH of all of it and without the dominant light, that light, and all sources."""
     main, ambient = split_dominant_light(radiance)
     return {
         "sh9": json_numbers(project(radiance), 5),
@@ -169,6 +169,7 @@ def describe(radiance: np.ndarray) -> dict[str, Any]:
             "irradiance": json_numbers(main.irradiance, 5),
             "solid_angle_sr": round(float(main.solid_angle), 5),
         },
+        "sources": [source_json(one, 5) for one in find_sources(radiance)],
     }
 
 

@@ -16,8 +16,8 @@ from anyprobe.core.color import luminance
 from anyprobe.core.frames import rotation_x, rotation_y, world_from_camera
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
 from anyprobe.core.sampling import hammersley
-from anyprobe.light.dominant_light import dilate, find_dominant_light
 from anyprobe.light.environment import MAP_HEIGHT, integral, rotate, shrink
+from anyprobe.light.light_sources import BLUR_RADIUS, dilate, find_dominant_light
 from anyprobe.light.octahedral import Pyramid
 from anyprobe.render.integrate import compile_kernel, shade_diffuse, shade_specular, shading_pyramid
 from anyprobe.render.reflectance import reflectance_normals
@@ -68,7 +68,7 @@ def split_light_cap(radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.nd
     found = find_dominant_light(shrink(radiance, SEARCH_HEIGHT) if height > SEARCH_HEIGHT else radiance)
     if not found.irradiance.any():
         return None
-    radius = 1.3 * np.arccos(max(1 - found.solid_angle / (2 * np.pi), -1.0)) + np.radians(3.0)
+    radius = 1.3 * np.hypot(np.radians(found.radius_deg), BLUR_RADIUS) + np.radians(3.0)
     if radius > MAX_RADIUS:
         return None
     angle = np.arccos(np.clip(pixel_directions(height) @ found.direction, -1.0, 1.0))

@@ -14,7 +14,7 @@ from anyprobe.core.color import luminance
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
 from anyprobe.light.environment import integral
-from anyprobe.light.light_sources import LightSource
+from anyprobe.light.light_sources import LIKELY, LightSource
 
 SSIM_SIGMA = 1.5
 SSIM_RADIUS = 5
@@ -133,12 +133,13 @@ def power_ratio_stops(p: np.ndarray, g: np.ndarray) -> float:
     return math.log2(power_p / power_g)
 
 
-def false_sources(sources: Sequence[LightSource], truth: np.ndarray) -> int:
-    """Count the sources of which the truth [H, 2H, 3] sends less than THERE within WITHIN_DEG of their direction.
+def false_sources(sources: Sequence[LightSource], radiance: np.ndarray, truth: np.ndarray) -> int:
+    """Count the likely sources of a map of which the truth [H, 2H, 3] sends less than THERE within WITHIN_DEG of them.
 
     Powers are shares of their map's, so that an error of the level makes no source false.
     """
     bright = luminance(np.asarray(truth, np.float64)) * pixel_solid_angles(len(truth))
     d, total = pixel_directions(len(truth)), max(float(bright.sum()), 1e-12)
-    shares = [bright[d @ one.direction > np.cos(np.radians(WITHIN_DEG))].sum() / total for one in sources]
-    return sum(there < THERE * one.share for there, one in zip(shares, sources, strict=True))
+    likely, whole = [one for one in sources if one.exists >= LIKELY], max(float(luminance(integral(radiance))), 1e-12)
+    shares = [bright[d @ one.direction > np.cos(np.radians(WITHIN_DEG))].sum() / total for one in likely]
+    return sum(there < THERE * luminance(one.power) / whole for there, one in zip(shares, likely, strict=True))

@@ -13,8 +13,8 @@ import numpy as np
 from anyprobe.core.color import luminance
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import response
-from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import integral
+from anyprobe.light.light_sources import find_dominant_light
 from anyprobe.render.spheres import sphere_images, sphere_normals
 from anyprobe_train.dataset.pair import Pair
 from anyprobe_train.evaluate.methods import Estimate, Method

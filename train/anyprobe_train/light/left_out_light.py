@@ -13,8 +13,7 @@ import torch
 from anyprobe.core.color import luminance
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.core.response import response
-from anyprobe.light.dominant_light import find_dominant_light
-from anyprobe.light.light_sources import find_light_sources
+from anyprobe.light.light_sources import find_dominant_light, find_sources
 from anyprobe_train.evaluate.metrics import direction_error_deg, false_sources
 from anyprobe_train.light.both_ways import both_ways
 from anyprobe_train.light.network import LeanNet, LightAnswer, LightInputs
@@ -82,7 +81,7 @@ def map_figures(ours: np.ndarray, true: np.ndarray) -> dict[str, float]:
         "dominant": direction_error_deg(light.direction, main.direction),
         "share": float(luminance(main.irradiance)) / all_of_it,
         "power": abs(float(np.log2(power / all_of_it))),
-        "false_sources": float(false_sources(find_light_sources(ours), true)),
+        "false_sources": float(false_sources(find_sources(ours), ours, true)),
     }
 
 

@@ -24,12 +24,13 @@ from anyprobe_train.nets.source_head import DRAWN, RADII_DEG, SOURCES
 from anyprobe_train.nets.whole_net import WholeNet, WholePrediction
 
 ENOUGH: float = contract("exposure")["enough"]
-ERROR: dict[str, float] = contract("dominant_light")["estimated_error"]
-LEAST_SHARE = 0.04
+RULES = contract("sources")
+ERROR: dict[str, float] = RULES["estimated_error"]
+LEAST_SHARE: float = RULES["least_share"]
 """Share of a map's power of which a place is as likely a light source as not."""
 DOMINATES = 0.12
 """Share of a map's power of which the strongest source dominates as likely as not."""
-SHARPNESS = 4.0
+SHARPNESS: float = RULES["steep"]
 """How fast either probability grows with the logarithm of that share."""
 LENS_ERROR_DEG = 12.0
 """Mean error of the assumed field of view."""

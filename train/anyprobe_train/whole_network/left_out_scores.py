@@ -8,9 +8,8 @@ import torch
 from anyprobe.core.color import luminance
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.core.response import response
-from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import MAP_HEIGHT
-from anyprobe.light.light_sources import find_light_sources
+from anyprobe.light.light_sources import find_dominant_light, find_sources
 from anyprobe_train.evaluate.metrics import direction_error_deg, false_sources
 from anyprobe_train.whole_network.batches import Pairs
 from anyprobe_train.whole_network.families import FAMILIES
@@ -93,7 +92,7 @@ def _figures(radiance: np.ndarray, truth: np.ndarray) -> tuple[float, ...]:
         float(np.log2(ours / true)),
         float(luminance(main.irradiance)) / true,
         float(luminance(light.irradiance)) / ours,
-        float(false_sources(find_light_sources(radiance), truth)),
+        float(false_sources(find_sources(radiance), radiance, truth)),
         float(red - green),
         float(blue - green),
     )

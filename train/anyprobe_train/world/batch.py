@@ -9,7 +9,7 @@ import numpy as np
 
 from anyprobe.core.color import luminance
 from anyprobe.core.latlong import pixel_solid_angles
-from anyprobe.light.source_split import split_sources
+from anyprobe.light.light_sources import split_sources
 from anyprobe.scatter.materials import Material
 from anyprobe_train.dataset.mask_errors import disturb_mask, gross_error
 from anyprobe_train.world.layout import Layout, Standing, draw_layout
@@ -367,9 +367,9 @@ def sources_of(truth: np.ndarray) -> tuple[np.ndarray, float]:
     power = float(luminance((above * solid).sum(axis=(0, 1))))
     if power <= 0:
         return result, 1.0
-    found = sorted(split_sources(above)[1], key=lambda one: -luminance(one.power))[:MOST_SAID]
+    found = sorted(split_sources(above)[0], key=lambda one: -luminance(one.power))[:MOST_SAID]
     for row, one in zip(result, found, strict=False):
-        row[:] = 1.0, *one.direction, np.degrees(one.radius), *one.power
+        row[:] = 1.0, *one.direction, one.radius_deg, *one.power
     return result, softness(power, float(luminance((truth * solid).sum(axis=(0, 1)))), result)
 
 

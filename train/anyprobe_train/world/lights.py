@@ -10,7 +10,7 @@ import numpy as np
 
 from anyprobe.core.color import luminance
 from anyprobe.core.latlong import pixel_directions
-from anyprobe.light.source_split import split_sources
+from anyprobe.light.light_sources import split_sources
 from anyprobe_train.dataset.sky import direction_at, tint
 from anyprobe_train.world.maps import Maps
 from anyprobe_train.world.march import compiled
@@ -137,7 +137,7 @@ def make_light(radiance: np.ndarray, outdoors: float, name: str, most: int = MOS
     full = levels(radiance, 8)
     start = 2 * LIGHT_ROWS**2 + 2 * (LIGHT_ROWS // 2) ** 2
     small = full[start : start + 2 * SPLIT_ROWS**2].reshape(SPLIT_ROWS, 2 * SPLIT_ROWS, 3)
-    soft, found = split_sources(small) if most else (small, ())
+    found, soft = split_sources(small) if most else ((), small)
     found = sorted(found, key=lambda one: -luminance(one.power))[:most]
     if len(found):
         ratio = np.clip(soft / np.maximum(small, 1e-9), 0.0, 1.0).astype(np.float32)

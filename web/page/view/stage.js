@@ -295,7 +295,7 @@ export class Stage {
     Object.assign(shadow.camera, { left: -reach, right: reach, top: reach, bottom: -reach, far: 6 * reach });
     shadow.camera.near = 0.1 * reach;
     shadow.camera.updateProjectionMatrix();
-    shadow.radius = 2 + 6 * Math.min(Math.sqrt(dominant.solidAngle / Math.PI), 1);
+    shadow.radius = 2 + 6 * Math.min((dominant.radiusDeg * Math.PI) / 180, 1);
     this.shadowLight.target.updateMatrixWorld();
     this.catcher.scale.setScalar(CATCHER * reach);
     this.catcher.position.copy(this.standing.position);

@@ -5,6 +5,7 @@
  * that a renderer has drawn, of which this thread has none.
  */
 
+import { luminance } from "../core/color.js";
 import { pixelDirections, pixelSolidAngles } from "../core/latlong.js";
 import { AnyProbeError } from "../errors.js";
 
@@ -76,4 +77,10 @@ export function irradiance(coefficients, normal) {
     }
   });
   return sum;
+}
+
+/** |integral of L d dw| / integral of L dw of luminance: 0, even light, to 1, one direction. */
+export function directionality(sh9) {
+  const [all, ...moment] = [0, 1, 2, 3].map((i) => luminance(...sh9.subarray(3 * i, 3 * i + 3)) / K[i]);
+  return all > 0 ? Math.hypot(...moment) / all : 0;
 }

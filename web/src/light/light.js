@@ -2,9 +2,9 @@
 
 import { MAP_HEIGHT } from "../core/latlong.js";
 import { described } from "../notices.js";
-import { findDominantLight } from "./dominantLight.js";
+import { directionality, project } from "./harmonics.js";
 import { prefilter } from "./prefilter.js";
-import { project } from "./harmonics.js";
+import { NO_SOURCE, findSources } from "./lightSources.js";
 
 /**
  * The light around an object in the frame of the photo's camera: right-handed, +X right, +Y up, looking along -Z.
@@ -57,10 +57,11 @@ function levelled([x, y, z], { pitchDeg, rollDeg = 0 }) {
  * A map with what renderers need.
  *
  * @param {Float32Array} radiance in the camera's frame
- * @param {number} [errorDeg] of the dominant light, by the network
+ * @param {{errorDeg?: number, sources?: Float32Array}} [said] by the network: of the dominant light, and on all sources
  */
-export function describe(radiance, errorDeg = undefined) {
-  const dominant = findDominantLight(radiance, MAP_HEIGHT);
-  if (errorDeg !== undefined && Math.max(...dominant.irradiance) > 0) dominant.errorDeg = errorDeg;
-  return { radiance, prefiltered: prefilter(radiance), sh9: project(radiance, MAP_HEIGHT), dominant };
+export function describe(radiance, { errorDeg, sources: said } = {}) {
+  const [sources, sh9] = [findSources(radiance, MAP_HEIGHT, said), project(radiance, MAP_HEIGHT)];
+  if (errorDeg !== undefined && sources.length > 0) sources[0].errorDeg = errorDeg;
+  const dominant = sources[0] ?? NO_SOURCE;
+  return { radiance, prefiltered: prefilter(radiance), sh9, sources, dominant, directionality: directionality(sh9) };
 }

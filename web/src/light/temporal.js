@@ -10,7 +10,7 @@ import { CONTRACT } from "../core/contract.js";
 import { transposed, turned, unit } from "../core/frames.js";
 import { MAP_HEIGHT, pixelSolidAngles } from "../core/latlong.js";
 import { rotate } from "./environment.js";
-import { drawSources, splitSources } from "./sourceSplit.js";
+import { BLUR_RADIUS, drawSources, edgeCosine, splitSources } from "./lightSources.js";
 import { advance, begin } from "./steady.js";
 
 const { offset: OFFSET, source: rules } = CONTRACT.filter;
@@ -18,8 +18,6 @@ const SLOPE = 1 + OFFSET;
 const WHITE = Math.log(SLOPE);
 const radians = (degrees) => (degrees * Math.PI) / 180;
 const [NOISE, DRIFT, GATE] = [rules.noise_deg, rules.drift_deg, rules.gate_deg].map(radians);
-/** Of the cap within which findDominantLight compares. */
-const PEAK = radians(CONTRACT.dominant_light.blur_deg);
 /** The pose if none is known. */
 const STILL = [1, 0, 0, 0, 1, 0, 0, 0, 1];
 /** Seconds for which the object must look the same before its light counts as the same. */
@@ -68,16 +66,16 @@ const splits = new WeakMap();
 /** A map's encoded soft part and its sources; kept, since frames without an answer of their own reuse the last one. */
 function split(radiance) {
   if (!splits.has(radiance)) {
-    const { soft, sources } = splitSources(radiance, MAP_HEIGHT);
-    splits.set(radiance, { y: encode(soft), sources });
+    const { rest, sources } = splitSources(radiance, MAP_HEIGHT);
+    splits.set(radiance, { y: encode(rest), sources });
   }
   return splits.get(radiance);
 }
 
 function splitInWorld(radiance, worldFromCamera) {
-  const { soft, sources } = splitSources(radiance, MAP_HEIGHT);
+  const { rest, sources } = splitSources(radiance, MAP_HEIGHT);
   const turnedSources = sources.map((one) => ({ ...one, direction: turned(worldFromCamera, one.direction) }));
-  return { y: encode(turn(soft, worldFromCamera)), sources: turnedSources };
+  return { y: encode(turn(rest, worldFromCamera)), sources: turnedSources };
 }
 
 /** The first state, or that after a cut. */
@@ -111,10 +109,10 @@ export function shownSources({ tracks }) {
 
 /** A track as a source, of which a share is shown. */
 function sourceOf({ direction, size, share }) {
-  return { direction, power: [0, 1, 2].map((i) => Math.max(Math.exp(size[i]) - OFFSET, 0) * share), radius: Math.exp(size[3]) };
+  return { direction, power: [0, 1, 2].map((i) => Math.max(Math.exp(size[i]) - OFFSET, 0) * share), radiusDeg: Math.exp(size[3]) };
 }
 
-const sizeOf = ({ power, radius }) => [...power.map((value) => Math.log(value + OFFSET)), Math.log(radius)];
+const sizeOf = ({ power, radiusDeg }) => [...power.map((value) => Math.log(value + OFFSET)), Math.log(radiusDeg)];
 
 function fresh(source, share) {
   const variances = { variance: NOISE ** 2, sizeVariance: rules.size_noise ** 2 };
@@ -162,7 +160,7 @@ function pairsOf(tracks, sources) {
   const costs = [];
   tracks.forEach((track, i) => {
     sources.forEach((source, j) => {
-      const angle = angleOf(track.direction, source.direction) / (GATE + source.radius / 2);
+      const angle = angleOf(track.direction, source.direction) / (GATE + radians(source.radiusDeg) / 2);
       const size = sizeOf(source);
       const ratio = [0, 1, 2].reduce((sum, k) => sum + Math.abs(track.size[k] - size[k]) / 3, 0);
       if (angle <= 1) costs.push([angle + ratio, i, j]);
@@ -190,10 +188,11 @@ function withLeaderAtStrongest(tracks, sources, pairs) {
   return { tracks: doubted, pairs: new Map([...others, [leader, first]]) };
 }
 
-/** Luminance of a drawn source, summed within PEAK of its middle. */
-function peakOf({ power, radius }) {
-  const beyond = Math.max(Math.cos(PEAK) - Math.cos(radius), 0) / (1 - Math.cos(radius));
-  return luminance(...power) * (1 - beyond * beyond);
+/** Luminance of a drawn source, summed within BLUR_RADIUS of its middle. */
+function peakOf(source) {
+  const edge = edgeCosine(source);
+  const beyond = Math.max(Math.cos(BLUR_RADIUS) - edge, 0) / (1 - edge);
+  return luminance(...source.power) * (1 - beyond * beyond);
 }
 
 /** How a source ranks: between its power and what the dominant light goes by, in which wide ones are dull. */

@@ -93,7 +93,7 @@ export class FrameLight {
     } else {
       this.rested++;
     }
-    const { radiance, stages, saidErrorDeg: _, ...rest } = this.found;
+    const { radiance, stages, said: _, ...rest } = this.found;
     if (rest.confidence) rest.confidence = rest.confidence.slice(); // its memory is given away with the answer
     const isInWorld = worldFromCamera !== null;
     if (isInWorld !== this.isInWorld) this.state = null;

@@ -52,8 +52,9 @@ export async function lightOfObject(models, picture, mask, longFovDeg, options) 
     wellExposedFraction: wellExposed,
     object: { metal, reflectance: [red, green, blue], reflectanceStops: reflectance / Math.LN2 },
     uncertainty: { levelStops: level / Math.LN2, colorDeg },
-    saidErrorDeg: errorDeg,
+    said: { errorDeg, sources: said.sources },
     soft: said.soft[0],
+    outdoors: said.outdoors[0],
     ground,
     warnings: [
       ...exposureDoubts(picture, mask),

@@ -52,8 +52,8 @@ const still = {
     const start = performance.now();
     checkObject(mask, picture.width, marks);
     const lens = { longFovDeg, isLensKnown };
-    const { radiance, stages, saidErrorDeg, ...rest } = await lightOfStill(models, picture, lens, mask, { ...options, normals });
-    const light = { ...describe(radiance, saidErrorDeg), ...rest };
+    const { radiance, stages, said, ...rest } = await lightOfStill(models, picture, lens, mask, { ...options, normals });
+    const light = { ...describe(radiance, said), ...rest };
     const seconds = (performance.now() - start) / 1000;
     return withViews ? { light, stages, spheres: shadeSpheres(radiance), seconds } : { light, seconds };
   },

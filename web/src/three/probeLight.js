@@ -3,12 +3,12 @@
 import { DirectionalLight, Group, LightProbe, Matrix4, Vector3 } from "three";
 import { AnyProbeError } from "../errors.js";
 import { MAP_HEIGHT } from "../core/latlong.js";
-import { findDominantLight, withoutDominantLight } from "../light/dominantLight.js";
 import { rotate } from "../light/environment.js";
 import { Light, describe } from "../light/light.js";
 import { checkIsLight } from "../light/groundShadow.js";
 import { project } from "../light/harmonics.js";
 import { prefilter } from "../light/prefilter.js";
+import { NO_SOURCE, splitDominantLight } from "../light/lightSources.js";
 import { wrong } from "../checks.js";
 import { EnvironmentTexture } from "./environmentTexture.js";
 
@@ -61,12 +61,9 @@ export class ProbeLight extends Group {
     checkIsLight(light);
     this.estimate = light;
     this.#isFallback = false;
-    let { radiance, dominant } = light;
-    if (camera && !light.isInWorld) {
-      radiance = rotate(radiance, MAP_HEIGHT, rotationOf(camera));
-      dominant = findDominantLight(radiance, MAP_HEIGHT);
-    }
-    const rest = withoutDominantLight(radiance, dominant);
+    const isTurned = camera && !light.isInWorld;
+    const radiance = isTurned ? rotate(light.radiance, MAP_HEIGHT, rotationOf(camera)) : light.radiance;
+    const { rest, sources: [dominant = NO_SOURCE] } = splitDominantLight(radiance, MAP_HEIGHT);
     this.lightProbe.sh.fromArray(project(rest, MAP_HEIGHT));
     this.#texture?.update(prefilter(rest));
     this.directionalLight.color.setRGB(...dominant.color);
