@@ -118,7 +118,7 @@ def test_the_page_lists_what_training_takes_and_nothing_else(work, capsys, data)
     assert len(warnings) == 4
     assert all(line.startswith("warning: ") for line in warnings)
     assert any("cut.hdr" in line for line in warnings)
-    main(data, Path("out/ASSETS.md"))
+    main(data, out=Path("out/ASSETS.md"))
     assert capsys.readouterr().out == "out/ASSETS.md\n"
     assert (work / "out" / "ASSETS.md").read_bytes() == outcome.out.encode()
 
