@@ -24,7 +24,7 @@ from anyprobe.light.light_sources import find_dominant_light
 from anyprobe_train.world.batch import LIGHT_OF, Traced, World, trace
 from anyprobe_train.world.layout import Standing, draw_layout, falling
 from anyprobe_train.world.lights import LIGHT_ROWS, draw_light
-from anyprobe_train.world.photo import SQUARE_PX, object_over
+from anyprobe_train.world.photo import SQUARE_PX
 from anyprobe_train.world.views import shape_rng, standing_mesh
 from research.results import commit, write_result
 from research.scenes import layouts
@@ -105,8 +105,7 @@ def compared(world: World, family: str, number: int, quality: int) -> tuple[dict
     """Return the figures of a layout, and both pictures side by side, in display values."""
     one = traced(world, family, number)
     render = render_layout(as_layout(world, family, one), quality)
-    frame, most = one.frame, one.frame.most
-    own = object_over(one.seen, frame, (-most, most, most, -most), SQUARE_PX)
+    own = one.own
     fast = own[..., :3] + (1 - own[..., 3:]) * one.behind
     square = np.zeros((LONG_PX, LONG_PX, 4), np.float32)
     height, width = render.mask.shape

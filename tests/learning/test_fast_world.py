@@ -1,6 +1,6 @@
 """The fast world: closed forms of its light, and batches that are functions of seed and number."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ from anyprobe_train.world import feed, maps
 from anyprobe_train.world.batch import LightBatch, World, make_batch, sources_of
 from anyprobe_train.world.hits import grid_start, panel_point
 from anyprobe_train.world.kernels import light_panels, probe_map
-from anyprobe_train.world.layout import Layout, Panel, build_scene
+from anyprobe_train.world.layout import Layout, Panel, build_scene, falling
 from anyprobe_train.world.lights import Light, levels
 from anyprobe_train.world.march import blocked_each
 from anyprobe_train.world.scene import FREE, GRID_POINTS, LIT
@@ -75,7 +75,7 @@ def test_an_unshadowed_plane_reflects_albedo_times_irradiance_over_pi():
     scene, (free, reached), _ = lit(None, light(1.0, power=2.0))
     np.testing.assert_allclose(free, np.pi + 2.0, rtol=1e-3)
     np.testing.assert_allclose(reached, free, rtol=1e-6)
-    seen = probe_map(*scene, 0.0, 1.0, 0.0, np.eye(3), 64, 1)
+    seen = probe_map(*scene, 0.0, 1.0, 0.0, np.eye(3), 64)
     np.testing.assert_allclose(seen[40:], ALBEDO * (np.pi + 2.0) / np.pi, rtol=2e-3)
     np.testing.assert_allclose(seen[:20], 1.0, rtol=1e-5)
 
@@ -85,6 +85,16 @@ def test_the_shadow_of_a_sphere_under_a_source_above_is_as_wide_as_the_sphere():
     np.testing.assert_allclose(free, 2.0, rtol=1e-3)
     assert reached[distance < 0.8].max() < 0.01
     np.testing.assert_allclose(reached[distance > 1.3], 2.0, rtol=1e-3)
+
+
+def test_half_of_a_source_on_the_horizon_lights_a_plane():
+    radius = 0.2
+    even = light(1e-9, power=2.0)
+    setting = replace(even, direction=np.float32([[1.0, 0.0, 0.0]]), radius=np.float32([radius]))
+    _, (free, _), _ = lit(None, setting)
+    expected = 2.0 * np.tan(radius) * 2 / (3 * np.pi)  # the mean height of a disc's upper half, over all of it
+    np.testing.assert_allclose(free.mean(), expected, rtol=0.1)  # by a few rays
+    np.testing.assert_allclose(falling(setting), expected, rtol=1e-3)
 
 
 def test_the_foot_of_a_sphere_is_dark_under_an_even_sky():

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 from anyprobe.core.color import luminance
@@ -31,9 +32,10 @@ from anyprobe_train.world.photo import (
     see_object,
     see_other,
     share_in_photo,
+    standing_points,
     truth_of,
 )
-from anyprobe_train.world.views import CAMERAS, SHAPES, Views, shape_files, view_points
+from anyprobe_train.world.views import CAMERAS, SHAPES, Views, shape_files
 from anyprobe_train.world.windows import on_sphere, window_resampled
 
 PHOTO_FAMILIES = ("ground", "table", "things", "dark", "procedural", "cut_out", "no_object")
@@ -142,8 +144,8 @@ def _light_kind(family: str, rng: np.random.Generator) -> str:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Traced:
-    """A scene as its photo shows it, before the camera: the object (None: there is none), all else over the context's
-    square (None: cut out), what a probe sees, and what they are made of."""
+    """A scene as its photo shows it, before the camera: the object (None: there is none), it and all else (None: cut
+    out) over the context's square, what a probe sees, and what they are made of; in_photo: share_in_photo of that."""
 
     layout: Layout
     view: np.void
@@ -152,6 +154,8 @@ class Traced:
     metal: bool
     reflectance: np.ndarray
     seen: Seen | None
+    own: np.ndarray
+    in_photo: np.ndarray
     behind: np.ndarray | None
     truth: np.ndarray
 
@@ -174,22 +178,25 @@ def trace(
     frame = draw_photo_frame(rng, view)
     has_object = family != "no_object"
     reflectance = material.f0 + (1 - material.f0) * material.albedo
-    scene = lit_scene(view if has_object else None, view["eye"], layout, reflectance, seed)
+    scene = lit_scene(view if has_object else None, view["eye"], layout, material, seed)
     first = int(has_object)
     others = [see_other(scene, layout, first + k, rng) for k in range(len(layout.others))]
-    seen = None
+    seen, own = None, np.zeros((SQUARE_PX, SQUARE_PX, 4), np.float32)
     if has_object:
         standing = Standing(view=view, turn=0.0, scale=1.0, place=np.zeros(3))
-        _, _, points, normals = view_points(view)
-        colors = painted(rng, maps, material, points, normals, 0.0 if plain else PAINTED)
+        surface = standing_points(standing)
+        colors = painted(rng, maps, material, *surface[2:], 0.0 if plain else PAINTED)
         reflectance = (colors[1] + (1 - colors[1]) * colors[0]).mean(axis=0)
-        seen = see_object(scene, standing, material, colors, seed + 1)
-    behind = None if family == "cut_out" else background_of(scene, frame, seen, seed + 2)
-    if behind is not None:
+        seen = see_object(scene, standing, surface, material, colors, seed + 1)
+        own = object_over(seen, frame, frame.square, SQUARE_PX)
+    behind, in_photo = None, share_in_photo(frame, frame.square)
+    if family != "cut_out":
+        wanted = (in_photo > 0) & (cv2.erode(own[..., 3], np.ones((5, 5))) < 0.999)  # beside the object
+        behind = background_of(scene, frame, seen, wanted, seed + 2)
         away = [-float(np.linalg.norm(one.place - view["eye"])) for one in layout.others]
         for k in np.argsort(away):  # the farthest first
-            own = object_over(others[k], frame, (-frame.most, frame.most, frame.most, -frame.most), SQUARE_PX)
-            behind = own[..., :3] + (1 - own[..., 3:]) * behind
+            other = object_over(others[k], frame, frame.square, SQUARE_PX)
+            behind = other[..., :3] + (1 - other[..., 3:]) * behind
     truth = truth_of(scene, frame, float(view["top"]))
     return Traced(
         layout=layout,
@@ -199,6 +206,8 @@ def trace(
         metal=metal,
         reflectance=reflectance,
         seen=seen,
+        own=own,
+        in_photo=in_photo,
         behind=behind,
         truth=truth,
     )
@@ -228,12 +237,7 @@ def _companions(world: World, view: np.void, k: int, rng: np.random.Generator) -
 def _tensors(family: str, traced: Traced, rng: np.random.Generator) -> dict[str, np.ndarray]:
     """Photograph what was traced."""
     frame, seen, behind, truth = traced.frame, traced.seen, traced.behind, traced.truth
-    most = frame.most
-    whole = -most, most, most, -most
-    in_photo = share_in_photo(frame, whole)
-    own = (
-        np.zeros((SQUARE_PX, SQUARE_PX, 4), np.float32) if seen is None else object_over(seen, frame, whole, SQUARE_PX)
-    )
+    own, in_photo, most, whole = traced.own, traced.in_photo, frame.most, frame.square
     picture = own[..., :3] if behind is None else own[..., :3] + (1 - own[..., 3:]) * behind
     object_mean = None
     if seen is not None:
@@ -334,14 +338,13 @@ def _crop(
 ) -> np.ndarray:
     """Return the object's window as its mask shows it, [SQUARE_PX, SQUARE_PX, 4] uint8."""
     own = object_over(seen, frame, crop_window, SQUARE_PX)
-    whole = -frame.most, frame.most, frame.most, -frame.most
     given = (window_resampled(mask, window, crop_window, SQUARE_PX, 2) * share_in_photo(frame, crop_window))[..., None]
     if behind is None:
         share = own[..., 3:]
         shown = develop(look, own[..., :3] / np.maximum(share, 1e-3), crop_window, frame.tangents, 0.0, rng)
         shown = share * shown + (1 - share) * cut
     else:
-        back = window_resampled(behind, whole, crop_window, SQUARE_PX, 1)
+        back = window_resampled(behind, frame.square, crop_window, SQUARE_PX, 1)
         shown = develop(look, own[..., :3] + (1 - own[..., 3:]) * back, crop_window, frame.tangents, look.blur, rng)
     return np.round(np.dstack([shown * given, 255 * given])).astype(np.uint8)
 

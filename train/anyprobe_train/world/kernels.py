@@ -60,37 +60,45 @@ GATHERED, SETS = 49, 16
 SOURCE_RAYS = 3
 """Rays to a source from a panel's point."""
 SPARSE = 2
-"""Points of a grid that are skipped each way, but of the first panel's, which the object stands on."""
+"""Step between points of a grid that light is gathered on."""
+DENSE = GRID_POINTS // 4
+"""From so far inside the first panel's grids on, at the object's foot, on each point."""
+PROBE_EVEN = 0.01
+"""Difference of two points of a probe's pixel, over their sum, from which on four are seen."""
 COARSE_LEVEL = 4
 """Level of the map, of 16 rows, that soft light is gathered from."""
 
 
 @compiled
-def seen_share(f, i, w, number, ox, oy, oz, nx, ny, nz, rays, without, own, draw):
-    """Return the shares of a source that a point sees past all but the object, and past all, by jittered rays, and its
-    cosine. without: the panel that the point lies on; own: distance from the point that rays start at; draw: number of
-    the point, by which rays are drawn."""
+def seen_share(f, i, w, number, ox, oy, oz, nx, ny, nz, rays, without, own, hides, draw, part, parts):
+    """Return the mean cosine over a source of what a point sees of it past all but the object, and past all, and the
+    share that it sees, by jittered rays.
+
+    without: the panel that the point lies on; own: distance from the point that rays start at; hides: whether the
+    object may be in the way; draw: number of the point, by which rays are drawn; part: which of `parts` of one set of
+    rays they are.
+    """
     lx, ly, lz, _, _, _, tangent, distance = toward_source(f, i, number, ox, oy, oz)
-    cosine = lx * nx + ly * ny + lz * nz
-    if cosine < -tangent:
+    if lx * nx + ly * ny + lz * nz < -tangent:
         return 0.0, 0.0, 0.0
     tx, ty, tz, ux, uy, uz = basis(lx, ly, lz)
     px, py, pz = ox + own * nx, oy + own * ny, oz + own * nz
-    free, seen = 0, 0
+    free, seen, share = 0.0, 0.0, 0
     for k in range(rays):
-        a, b = in_disc(draw * i[SOURCE_COUNT] + number, k, rays)
+        a, b = in_disc(draw * i[SOURCE_COUNT] + number, k * parts + part, rays * parts)
         a, b = a * tangent, b * tangent
         length = 1 / math.sqrt(1 + a * a + b * b)
         dx, dy, dz = ((lx + a * tx + b * ux) * length, (ly + a * ty + b * uy) * length, (lz + a * tz + b * uz) * length)
-        if dx * nx + dy * ny + dz * nz <= 0:
+        cosine = dx * nx + dy * ny + dz * nz
+        if cosine <= 0:
             continue
         panel, _, _, _ = hit_panel(f, i, px, py, pz, dx, dy, dz, distance, without)
         if panel >= 0 or is_blocked(f, i, w, 1, px, py, pz, dx, dy, dz, distance):
             continue
-        free += 1
-        if i[BODIES] == 0 or hit_body(f, i, w, 0, px, py, pz, dx, dy, dz, distance) < 0:
-            seen += 1
-    return free / rays, seen / rays, max(cosine, 0.0)
+        free += cosine
+        if not hides or hit_body(f, i, w, 0, px, py, pz, dx, dy, dz, distance) < 0:
+            seen, share = seen + cosine, share + 1
+    return free / rays, seen / rays, share / rays
 
 
 @compiled
@@ -146,23 +154,26 @@ def fall_on(f, i, w, number, ox, oy, oz, ways, light, draw, out):
         out[SOFT, 2] += b
     out[LIT] = out[SOFT]
     for s in range(i[SOURCE_COUNT]):
-        free, seen, cosine = seen_share(f, i, w, s, ox, oy, oz, nx, ny, nz, SOURCE_RAYS, number, 0.0, draw)
+        free, seen, _ = seen_share(
+            f, i, w, s, ox, oy, oz, nx, ny, nz, SOURCE_RAYS, number, 0.0, i[BODIES] > 0, draw, 0, 1
+        )
         if free > 0:
             _, _, _, er, eg, eb, _, _ = toward_source(f, i, s, ox, oy, oz)
-            out[FREE, 0] += free * cosine * er
-            out[FREE, 1] += free * cosine * eg
-            out[FREE, 2] += free * cosine * eb
-            out[LIT, 0] += seen * cosine * er
-            out[LIT, 1] += seen * cosine * eg
-            out[LIT, 2] += seen * cosine * eb
+            out[FREE, 0] += free * er
+            out[FREE, 1] += free * eg
+            out[FREE, 2] += free * eb
+            out[LIT, 0] += seen * er
+            out[LIT, 1] += seen * eg
+            out[LIT, 2] += seen * eb
 
 
 @compiled
-def fill_panel(f, i, w, number, step, ways, light, seed, out, grids):
-    """Gather the light on each `step`-th point of a panel's grids into grids [3, GRID_POINTS, GRID_POINTS, 3]."""
+def fill_panel(f, i, w, number, step, first, last, ways, light, seed, out, grids):
+    """Gather the light on each `step`-th point of a panel's grids, rows and columns first to last, into grids [3,
+    GRID_POINTS, GRID_POINTS, 3]."""
     p = i[PANEL] + number * PANEL_SIZE
-    for row in range(step // 2, GRID_POINTS, step):
-        for column in range(step // 2, GRID_POINTS, step):
+    for row in range(first + step // 2, last, step):
+        for column in range(first + step // 2, last, step):
             x, y = panel_point(f, i, number, column - 0.5 * (1 - step % 2), row - 0.5 * (1 - step % 2))
             ox = f[p + ORIGIN] + x * f[p + RIGHT] + y * f[p + UP] + 1e-4 * f[p + NORMAL]
             oy = f[p + ORIGIN + 1] + x * f[p + RIGHT + 1] + y * f[p + UP + 1] + 1e-4 * f[p + NORMAL + 1]
@@ -171,8 +182,8 @@ def fill_panel(f, i, w, number, step, ways, light, seed, out, grids):
             s = int(SETS * random(draw))
             fall_on(f, i, w, number, ox, oy, oz, ways[s], light[s], draw, out)
             for k in range(3):
-                for a in range(row - step // 2, min(row - step // 2 + step, GRID_POINTS)):
-                    for b in range(column - step // 2, min(column - step // 2 + step, GRID_POINTS)):
+                for a in range(row - step // 2, min(row - step // 2 + step, last)):
+                    for b in range(column - step // 2, min(column - step // 2 + step, last)):
                         for n in range(3):
                             grids[k, a, b, n] = out[k, n]
 
@@ -189,13 +200,15 @@ def light_panels(f, i, w, q, seed):
     size = 3 * GRID_POINTS * GRID_POINTS * 3
     if count > 1:
         for p in range(count):
-            fill_panel(f, i, w, p, 8, ways[p], light[p], seed, out, grids[p])
+            fill_panel(f, i, w, p, 8, 0, GRID_POINTS, ways[p], light[p], seed, out, grids[p])
         for p in range(count):
             start = i[LIGHT] + p * size
             for n in range(GRID_POINTS * GRID_POINTS * 3):  # what other panels send is lit with the object there
                 f[start + n] = grids[p, LIT].flat[n]
     for p in range(count):
-        fill_panel(f, i, w, p, 1 if p == 0 else SPARSE, ways[p], light[p], seed + 1 + p, out, grids[p])
+        fill_panel(f, i, w, p, SPARSE, 0, GRID_POINTS, ways[p], light[p], seed + 1 + p, out, grids[p])
+    if count:
+        fill_panel(f, i, w, 0, 1, DENSE, GRID_POINTS - DENSE, ways[0], light[0], seed, out, grids[0])
     for p in range(count):
         for k in range(3):
             smooth(grids[p, k])
@@ -319,22 +332,35 @@ def seen_without(f, i, w, q, ox, oy, oz, dx, dy, dz, level):
 
 
 @compiled
-def probe_map(f, i, w, q, cx, cy, cz, camera, rows, samples):
-    """Return what a probe at c sees with the object away, [rows, 2 rows, 3] in the frame world_from_camera [3, 3]."""
+def probe_map(f, i, w, q, cx, cy, cz, camera, rows):
+    """Return what a probe at c sees with the object away, [rows, 2 rows, 3] in the frame world_from_camera [3, 3]: the
+    mean of two points of each pixel, of four where they differ."""
     out = np.zeros((rows, 2 * rows, 3), np.float32)
-    fine, share = rows * samples, 1 / (samples * samples)
-    turn = ((np.arange(2 * fine) + 0.5) / (2 * fine) - 0.5) * 2 * math.pi
+    turn = (np.arange(4 * rows) + 0.5) / (2 * rows) * math.pi
     sine, cosine = np.sin(turn), np.cos(turn)
-    for r in range(fine):
-        v = (r + 0.5) / fine * math.pi
-        sv, b = math.sin(v), math.cos(v)
-        for c in range(2 * fine):
-            a, d = sv * sine[c], -sv * cosine[c]
-            x = camera[0, 0] * a + camera[0, 1] * b + camera[0, 2] * d
-            y = camera[1, 0] * a + camera[1, 1] * b + camera[1, 2] * d
-            z = camera[2, 0] * a + camera[2, 1] * b + camera[2, 2] * d
-            lr, lg, lb = seen_without(f, i, w, q, cx, cy, cz, x, y, z, 1)
-            out[r // samples, c // samples, 0] += lr * share
-            out[r // samples, c // samples, 1] += lg * share
-            out[r // samples, c // samples, 2] += lb * share
+    for row in range(rows):
+        for column in range(2 * rows):
+            count, first, last = 0, 0.0, 0.0
+            while count < 4:
+                if count == 2 and abs(first - last) < PROBE_EVEN * (first + last):
+                    break
+                a, b = two_by_two(count)
+                flat, y = sine[2 * row + a], cosine[2 * row + a]
+                x, z = -flat * sine[2 * column + b], flat * cosine[2 * column + b]
+                dx = camera[0, 0] * x + camera[0, 1] * y + camera[0, 2] * z
+                dy = camera[1, 0] * x + camera[1, 1] * y + camera[1, 2] * z
+                dz = camera[2, 0] * x + camera[2, 1] * y + camera[2, 2] * z
+                lr, lg, lb = seen_without(f, i, w, q, cx, cy, cz, dx, dy, dz, 1)
+                out[row, column, 0] += lr
+                out[row, column, 1] += lg
+                out[row, column, 2] += lb
+                first, last, count = last, lr + lg + lb, count + 1
+            for n in range(3):
+                out[row, column, n] /= count
     return out
+
+
+@compiled
+def two_by_two(k):
+    """Return row and column of point k of a pixel's four: first two on a diagonal, then the others."""
+    return k & 1, (k ^ (k >> 1)) & 1

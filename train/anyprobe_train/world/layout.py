@@ -160,9 +160,11 @@ def falling(light: Light) -> np.ndarray:
     texels = light.sky[-2 * rows * rows :].reshape(rows, 2 * rows, 3)[: rows // 2]
     edges = np.cos(np.linspace(0.0, np.pi / 2, rows // 2 + 1)) ** 2
     soft = (texels.mean(axis=1) * (edges[:-1] - edges[1:])[:, None]).sum(axis=0) * np.pi
-    return np.maximum(soft + (light.power * np.maximum(light.direction[:, 1:2], 0.0)).sum(axis=0), 1e-6).astype(
-        np.float32
-    )
+    tangent = np.tan(light.radius)
+    x = np.clip(light.direction[:, 1] / tangent, -1.0, 1.0)  # a disc's height over its radius
+    part = tangent / np.pi * ((2 + x**2) * np.sqrt(1 - x**2) / 3 + x * (np.pi / 2 + np.arcsin(x)))
+    cosine = np.where(np.abs(x) < 1, part, np.maximum(light.direction[:, 1], 0.0))
+    return np.maximum(soft + cosine @ light.power, 1e-6).astype(np.float32)
 
 
 Cover = tuple[np.ndarray, float, float]

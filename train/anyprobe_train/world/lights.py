@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from functools import lru_cache
 
+import cv2
 import numpy as np
 
 from anyprobe.core.color import luminance
@@ -93,10 +94,10 @@ def levels(texels: np.ndarray, smallest: int) -> np.ndarray:
     by solid angle."""
     found = [texels]
     while len(texels) > smallest:
-        shares = row_shares(len(texels)).reshape(-1, 2)
-        weights = (0.5 * shares / shares.sum(axis=1, keepdims=True)).astype(np.float32)[..., None, None]
-        pairs = texels[:, 0::2] + texels[:, 1::2]
-        texels = weights[:, 0] * pairs[0::2] + weights[:, 1] * pairs[1::2]
+        half = len(texels) // 2
+        shares = row_shares(2 * half).reshape(half, 2)
+        shares = (2 * shares / shares.sum(axis=1, keepdims=True)).astype(np.float32).reshape(-1, 1, 1)
+        texels = cv2.resize(texels * shares, (2 * half, half), interpolation=cv2.INTER_AREA)
         found.append(texels)
     return np.concatenate([one.reshape(-1, 3) for one in found])
 

@@ -39,8 +39,8 @@ OBJECT_SHARE = (0.1, 1.0)
 """Bounds of the object's longer side over the photo's shorter one."""
 OFF_CENTER, ROLL_DEG, STRONG_ROLL_DEG = 0.09, 2.0, 12.0
 CELL_ROWS = 16
-SAMPLES, RAYS = 2, 3
-"""Rays through a pixel of the context each way; rays to a source from each point of the object."""
+RAYS = 3
+"""Rays to a source from each point of the object."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -57,6 +57,11 @@ class Frame:
         return max(self.tangents)
 
     @property
+    def square(self) -> tuple[float, float, float, float]:
+        """The window (left, right, top, bottom) of the context: the least square around the photo."""
+        return -self.most, self.most, self.most, -self.most
+
+    @property
     def up(self) -> np.ndarray:
         """Up in the camera's frame."""
         return self.camera.T @ [0.0, 1.0, 0.0]
@@ -66,12 +71,13 @@ class Frame:
 class Seen:
     """The object as a view shows it, in the scene's units.
 
-    radiance: [SEEN_PX, SEEN_PX, 3]; cover: [SEEN_PX, SEEN_PX] in [0, 1]; camera, tangent: of the view, as the photo's
-    eye sees it.
+    radiance: [SEEN_PX, SEEN_PX, 3]; cover: [SEEN_PX, SEEN_PX] in [0, 1]; covered: their product and cover [SEEN_PX,
+    SEEN_PX, 4]; camera, tangent: of the view, as the photo's eye sees it.
     """
 
     radiance: np.ndarray
     cover: np.ndarray
+    covered: np.ndarray
     camera: np.ndarray
     tangent: float
 
@@ -127,11 +133,17 @@ def painted(
 
 
 def see_object(
-    scene: TracedScene, standing: Standing, material: Material, colors: tuple[np.ndarray, np.ndarray], seed: int
+    scene: TracedScene,
+    standing: Standing,
+    surface: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
+    material: Material,
+    colors: tuple[np.ndarray, np.ndarray],
+    seed: int,
 ) -> Seen:
-    """Shade body 0 of the scene as its view shows it, and keep its mean radiance as its glow."""
+    """Shade body 0 of the scene as its view shows it, and keep its mean radiance as its glow. surface: of
+    standing_points; colors: albedo and f0 [N, 3] there."""
     view = standing.view
-    rows, columns, points, normals = standing_points(standing)
+    rows, columns, points, normals = surface
     directions, weights = _turned_cells(standing.turn)
     center = standing.place + [0.0, standing.scale * float(view["top"]) / 2, 0.0]
     numbers, places, _, texels = scene
@@ -139,21 +151,22 @@ def see_object(
     sky = weights @ texels[start : start + 2 * CELL_ROWS**2]
     seen = seen_along(numbers, places, texels, directions, *center, sky)
     half = SEEN_PX // COARSE
-    place, first = np.unique((rows // half) * COARSE + columns // half, return_index=True)
+    place, first, which = np.unique((rows // half) * COARSE + columns // half, return_index=True, return_inverse=True)
     ratio = np.zeros((len(first), 3), np.float32)
     bits = view["hidden"].reshape(-1, 2)[place]
     received(*scene, points[first], normals[first], bits, directions, sky, seen, ratio)
     soft = np.maximum(normals @ directions.T, 0.0) @ seen * np.float32(4 * np.pi / len(directions))
     soft *= _between(ratio, place, rows, columns)
     radiance = np.zeros((len(points), 3), np.float32)
-    albedo, f0 = colors
-    samples = 12 if material.f0.max() > 0.2 else 6
-    shade_object(*scene, points, normals, soft, albedo, f0, material.alpha, samples, RAYS, seed, radiance)
+    samples = math.ceil((8 if material.f0.max() > 0.2 else 4) * min(max(material.alpha / 0.2, 0.25), 1.0))
+    near = _near(bits, standing.turn)
+    shade_object(*scene, points, normals, soft, *colors, material.alpha, samples, RAYS, near, which, seed, radiance)
     shown = np.zeros((SEEN_PX, SEEN_PX, 3), np.float32)
     shown[rows, columns] = radiance
     cover = view["cover"].astype(np.float32) / 255
     glow = places[BODY] + GLOW
-    numbers[glow : glow + 3] = (shown * cover[..., None]).sum(axis=(0, 1)) / max(float(cover.sum()), 1e-6)
+    covered = np.dstack([shown * cover[..., None], cover])
+    numbers[glow : glow + 3] = covered[..., :3].sum(axis=(0, 1)) / max(float(cover.sum()), 1e-6)
     camera, tangent = view["camera"].astype(np.float64), float(view["tangent"])
     if standing.place.any():  # seen from the photo's eye as its own camera saw it
         toward = center - scene.numbers[EYE : EYE + 3]
@@ -161,7 +174,25 @@ def see_object(
         camera = aimed(toward / away, np.zeros(2), 0.0)
         own = float(np.linalg.norm(view["eye"] - [0.0, float(view["top"]) / 2, 0.0]))
         tangent *= own * standing.scale / away
-    return Seen(radiance=shown, cover=cover, camera=camera, tangent=tangent)
+    return Seen(radiance=shown, cover=cover, covered=covered, camera=camera, tangent=tangent)
+
+
+def _near(bits: np.ndarray, turn: float) -> np.ndarray:
+    """Return whether each cell of the world or one beside it is among bits [N, 2] uint64 of a turned object's, [N,
+    cells]."""
+    each = (bits[:, :, None] >> np.arange(64, dtype=np.uint64)) & np.uint64(1)
+    hidden = each.reshape(-1, VIEW_RINGS, VIEW_AZIMUTHS) > 0
+    hidden[:, [0, -1]] = hidden[:, [0, -1]].any(axis=2, keepdims=True)  # about a pole all are beside each other
+    hidden = hidden | np.roll(hidden, 1, axis=2) | np.roll(hidden, -1, axis=2)
+    near = hidden.copy()
+    near[:, 1:] |= hidden[:, :-1]
+    near[:, :-1] |= hidden[:, 1:]
+    return np.roll(near, -_azimuths(turn), axis=2).reshape(len(bits), -1)
+
+
+def _azimuths(turn: float) -> int:
+    """Return the whole number of cells that is nearest to a turn about +Y."""
+    return round(turn * VIEW_AZIMUTHS / (2 * np.pi))
 
 
 def standing_points(standing: Standing) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -182,9 +213,10 @@ def see_other(scene: TracedScene, layout: Layout, number: int, rng: np.random.Ge
     first = scene._replace(numbers=numbers, words=np.ascontiguousarray(scene.words[order]))
     material, _ = pick_material(rng)
     standing = layout.others[number - (count - len(layout.others))]
-    points = int((standing.view["cover"] > 0).sum())
-    colors = tuple(np.tile(np.asarray(one, np.float32), (points, 1)) for one in (material.albedo, material.f0))
-    seen = see_object(first, standing, material, colors, int(rng.integers(2**31)))
+    surface = standing_points(standing)
+    shape = len(surface[0]), 1
+    colors = tuple(np.tile(np.asarray(one, np.float32), shape) for one in (material.albedo, material.f0))
+    seen = see_object(first, standing, surface, material, colors, int(rng.integers(2**31)))
     glow = begin + number * BODY_SIZE + GLOW
     scene.numbers[glow : glow + 3] = bodies[0, GLOW : GLOW + 3]
     return seen
@@ -198,8 +230,7 @@ def _cell_table() -> tuple[np.ndarray, np.ndarray]:
 
 def _turned_cells(turn: float) -> tuple[np.ndarray, np.ndarray]:
     """Return middles and weights of an object's own cells in the world, to the nearest azimuth of its turn."""
-    steps = round(turn * VIEW_AZIMUTHS / (2 * np.pi))
-    directions, weights = (np.roll(one, steps, axis=1) for one in _cell_table())
+    directions, weights = (np.roll(one, _azimuths(turn), axis=1) for one in _cell_table())
     cells = VIEW_RINGS * VIEW_AZIMUTHS
     return np.ascontiguousarray(directions.reshape(cells, 3)), np.ascontiguousarray(weights.reshape(cells, -1))
 
@@ -218,23 +249,10 @@ def _cell_weights() -> np.ndarray:
 
 def _between(ratio: np.ndarray, place: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
     """Return values [K, 3] of coarse pixels `place` between these, at pixels of the view [N]."""
-    picture_ = np.zeros((COARSE + 2, COARSE + 2, 4), np.float32)
-    picture_[place // COARSE + 1, place % COARSE + 1] = np.concatenate([ratio, np.ones((len(ratio), 1))], axis=1)
-    r, c = (rows + 0.5) * COARSE / SEEN_PX + 0.5, (columns + 0.5) * COARSE / SEEN_PX + 0.5
-    r0, c0 = r.astype(int), c.astype(int)
-    fr, fc = (r - r0)[:, None], (c - c0)[:, None]
-    total = (
-        (1 - fr) * (1 - fc) * picture_[r0, c0]
-        + (1 - fr) * fc * picture_[r0, c0 + 1]
-        + fr * (1 - fc) * picture_[r0 + 1, c0]
-        + fr * fc * picture_[r0 + 1, c0 + 1]
-    )
-    return (total[:, :3] / np.maximum(total[:, 3:], 1e-6)).astype(np.float32)
-
-
-def premultiplied(seen: Seen) -> np.ndarray:
-    """Return radiance times cover, and cover, [SEEN_PX, SEEN_PX, 4]."""
-    return np.dstack([seen.radiance * seen.cover[..., None], seen.cover])
+    known = np.zeros((COARSE * COARSE, 4), np.float32)
+    known[place] = np.column_stack([ratio, np.ones(len(ratio), np.float32)])
+    total = cv2.resize(known.reshape(COARSE, COARSE, 4), (SEEN_PX, SEEN_PX))[rows, columns]
+    return total[:, :3] / np.maximum(total[:, 3:], 1e-6)
 
 
 def over_window(
@@ -269,25 +287,22 @@ def plane_box(seen: Seen, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
 
 def object_over(seen: Seen, frame: Frame, window: tuple[float, float, float, float], size: int) -> np.ndarray:
     """Return premultiplied radiance and cover of the object over a window of the photo's plane, [size, size, 4]."""
-    return over_window(premultiplied(seen), seen, frame, window, size)
+    return over_window(seen.covered, seen, frame, window, size)
 
 
 def truth_of(scene: TracedScene, frame: Frame, top: float) -> np.ndarray:
     """Return what a probe in the object's place sees, [64, 128, 3] in the camera's frame."""
-    return probe_map(*scene, 0.0, top / 2, 0.0, frame.camera, 64, 2)
+    return probe_map(*scene, 0.0, top / 2, 0.0, frame.camera, 64)
 
 
-def background_of(scene: TracedScene, frame: Frame, seen: Seen | None, seed: int) -> np.ndarray:
-    """Return the photo without the object over the context's square, [SQUARE_PX, SQUARE_PX, 3]; black where the object
-    is in front of all of it."""
-    whole = -frame.most, frame.most, frame.most, -frame.most
-    wanted = share_in_photo(frame, whole) > 0
+def background_of(scene: TracedScene, frame: Frame, seen: Seen | None, wanted: np.ndarray, seed: int) -> np.ndarray:
+    """Return the photo without the object over the context's square, in the pixels `wanted` [SQUARE_PX, SQUARE_PX],
+    [SQUARE_PX, SQUARE_PX, 3]."""
     if seen is None:
         view = np.eye(3), 1.0, np.zeros((1, 1, 3), np.float32), np.zeros((1, 1), np.float32)
     else:
         view = seen.camera, seen.tangent, seen.radiance, seen.cover
-        wanted &= cv2.erode(object_over(seen, frame, whole, SQUARE_PX)[..., 3], np.ones((5, 5))) < 0.999
-    return picture(*scene, frame.camera, frame.most, wanted, SAMPLES, *view, seed)
+    return picture(*scene, frame.camera, frame.most, wanted, *view, seed)
 
 
 def share_in_photo(frame: Frame, window: tuple[float, float, float, float]) -> np.ndarray:
@@ -302,10 +317,11 @@ def share_in_photo(frame: Frame, window: tuple[float, float, float, float]) -> n
     return (y[:, None] * x[None]).astype(np.float32)
 
 
-def lit_scene(view: np.void | None, eye: np.ndarray, layout: Layout, reflectance: np.ndarray, seed: int) -> TracedScene:
-    """Return a layout's arrays with the light on its panels; reflectance: [3] of the object, for its glow."""
-    light = layout.light
-    mean = light.sky[len(light.sky) // 2 - 128 : len(light.sky) // 2].mean(axis=0)
-    scene = build_scene(view, eye, layout, 0.5 * reflectance * mean)
+def lit_scene(view: np.void | None, eye: np.ndarray, layout: Layout, material: Material, seed: int) -> TracedScene:
+    """Return a layout's arrays with the light on its panels; material: of the object, for its glow, in which coats
+    mirror no sources: few of its points show them."""
+    full, rest = (part[-128:].mean(axis=0) for part in np.split(layout.light.sky, 2))
+    glow = 0.5 * (material.f0 * rest + (1 - material.f0) * material.albedo * full)
+    scene = build_scene(view, eye, layout, glow)
     light_panels(*scene, seed)
     return scene

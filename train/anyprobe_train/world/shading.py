@@ -11,6 +11,7 @@ from anyprobe_train.world.hits import (
     FULL,
     REST,
     albedo_at,
+    angle_of,
     basis,
     grid_at,
     hit_body,
@@ -21,7 +22,7 @@ from anyprobe_train.world.hits import (
     sky_at,
     toward_source,
 )
-from anyprobe_train.world.kernels import coat_along, diffuse_of, lamp_along, mirrored_along, seen_share
+from anyprobe_train.world.kernels import coat_along, diffuse_of, lamp_along, mirrored_along, seen_share, two_by_two
 from anyprobe_train.world.march import compiled
 from anyprobe_train.world.scene import (
     BODIES,
@@ -46,11 +47,16 @@ from anyprobe_train.world.scene import (
     SOURCE_COUNT,
     SOURCE_SIZE,
 )
+from anyprobe_train.world.views import VIEW_AZIMUTHS, VIEW_RINGS
 
 OWN = 0.055
 """Distance [radii] from the object's surface at which rays start, so that they leave the cells it lies in."""
 MOST_RATIO = 1.5
 """Ratio of the light on a map's own ground with the object over that without."""
+PICTURE_EVEN = 0.03
+"""Difference of two points of a picture's pixel, over their sum, from which on four are seen."""
+CELL_TANGENT = 0.2
+"""Tangent of half of a cell's width."""
 WIDENED = 0.19
 """Factor of a source's squared radius that it adds to alpha^2 of the lobe that mirrors it (light.octahedral)."""
 
@@ -172,13 +178,13 @@ def from_source(f, i, s, ox, oy, oz, nx, ny, nz, wx, wy, wz, alpha):
 
 
 @compiled
-def mirrored(f, i, w, q, ox, oy, oz, nx, ny, nz, wx, wy, wz, alpha, samples, own, draw):
+def mirrored(f, i, w, q, ox, oy, oz, nx, ny, nz, wx, wy, wz, alpha, samples, near, draw):
     """Return the light of all but sources that the coat of a point mirrors, for f0 = 1 [3], and that times Schlick's
-    weight [3]. own: distance from the point that rays start at; draw: the point's number, by which they are drawn."""
+    weight [3]. near: see shade_object; draw: the point's number, by which rays are drawn."""
     tx, ty, tz, ux, uy, uz = basis(nx, ny, nz)
     lx, ly = wx * tx + wy * ty + wz * tz, wx * ux + wy * uy + wz * uz
     no = max(wx * nx + wy * ny + wz * nz, 1e-3)
-    px, py, pz = ox + own * nx, oy + own * ny, oz + own * nz
+    px, py, pz = ox + OWN * nx, oy + OWN * ny, oz + OWN * nz
     r1 = g1 = b1 = rs = gs = bs = 0.0
     a2 = alpha * alpha
     g1o = 2 * no / (no + math.sqrt(a2 + (1 - a2) * no * no))
@@ -193,7 +199,7 @@ def mirrored(f, i, w, q, ox, oy, oz, nx, ny, nz, wx, wy, wz, alpha, samples, own
         solid = 4 * no / (samples * max(distribution(hz, alpha) * g1o, 1e-9))
         level = level_of(solid * i[SKY_ROWS] * i[SKY_ROWS] / (2 * math.pi), i[SKY_ROWS])
         dx, dy, dz = ix * tx + iy * ux + iz * nx, ix * ty + iy * uy + iz * ny, ix * tz + iy * uz + iz * nz
-        if hit_body(f, i, w, 0, px, py, pz, dx, dy, dz, FAR_AWAY) >= 0:
+        if near[cell_of(dx, dy, dz)] and hit_body(f, i, w, 0, px, py, pz, dx, dy, dz, FAR_AWAY) >= 0:
             e = i[BODY] + GLOW
             r, g, c = f[e], f[e + 1], f[e + 2]
         else:
@@ -210,9 +216,17 @@ def mirrored(f, i, w, q, ox, oy, oz, nx, ny, nz, wx, wy, wz, alpha, samples, own
 
 
 @compiled
-def shade_object(f, i, w, q, points, normals, soft, albedo, f0, alpha, samples, rays, seed, out):
+def cell_of(x, y, z):
+    """Return the number of the cell (views.cell_middles) that a unit direction lies in."""
+    ring = min(int((y + 1) * (VIEW_RINGS / 2)), VIEW_RINGS - 1)
+    return ring * VIEW_AZIMUTHS + (int(math.floor(angle_of(x, -z) * (VIEW_AZIMUTHS / 2 / math.pi))) & VIEW_AZIMUTHS - 1)
+
+
+@compiled
+def shade_object(f, i, w, q, points, normals, soft, albedo, f0, alpha, samples, rays, near, place, seed, out):
     """Fill out [N, 3] with the radiance of points of the object, seen from the eye. soft: [N, 3] irradiance on them of
-    all but sources; albedo, f0: [N, 3]."""
+    all but sources; albedo, f0: [N, 3]; near: [P, cells] bool, whether the object hides a cell or one beside it from
+    points of places [N]."""
     for k in range(len(points)):
         ox, oy, oz = points[k, 0], points[k, 1], points[k, 2]
         nx, ny, nz = normals[k, 0], normals[k, 1], normals[k, 2]
@@ -220,18 +234,22 @@ def shade_object(f, i, w, q, points, normals, soft, albedo, f0, alpha, samples, 
         length = 1 / math.sqrt(wx * wx + wy * wy + wz * wz)
         wx, wy, wz = wx * length, wy * length, wz * length
         e0, e1, e2 = soft[k, 0], soft[k, 1], soft[k, 2]
-        m = mirrored(f, i, w, q, ox, oy, oz, nx, ny, nz, wx, wy, wz, alpha, samples, OWN, seed + k)
+        hidden = near[place[k]]
+        m = mirrored(f, i, w, q, ox, oy, oz, nx, ny, nz, wx, wy, wz, alpha, samples, hidden, seed + k)
         s0 = s1 = s2 = g0 = g1 = g2 = 0.0
         for s in range(i[SOURCE_COUNT]):
-            _, share, cosine = seen_share(f, i, w, s, ox, oy, oz, nx, ny, nz, rays, -1, OWN, seed + k)
+            lx, ly, lz, _, _, _, tangent, _ = toward_source(f, i, s, ox, oy, oz)
+            hides = tangent > CELL_TANGENT or hidden[cell_of(lx, ly, lz)]
+            few = rays if hides or lx * nx + ly * ny + lz * nz < tangent else 1
+            _, cosine, share = seen_share(f, i, w, s, ox, oy, oz, nx, ny, nz, few, -1, OWN, hides, seed + k, 0, 1)
             if share <= 0:
                 continue
             er, eg, eb, one, grazing, schlick = from_source(f, i, s, ox, oy, oz, nx, ny, nz, wx, wy, wz, alpha)
             through = cosine * (1 - schlick)
-            er, eg, eb = er * share, eg * share, eb * share
             e0 += er * through
             e1 += eg * through
             e2 += eb * through
+            er, eg, eb = er * share, eg * share, eb * share
             s0 += er * one
             s1 += eg * one
             s2 += eb * one
@@ -244,9 +262,9 @@ def shade_object(f, i, w, q, points, normals, soft, albedo, f0, alpha, samples, 
 
 
 @compiled
-def picture(f, i, w, q, camera, tangent, wanted, samples, view, tan_half, radiance, cover, seed):
+def picture(f, i, w, q, camera, tangent, wanted, view, tan_half, radiance, cover, seed):
     """Return what the eye sees without the object, [S, S, 3], in the pixels `wanted` [S, S] of a square of tangents
-    [-t, t].
+    [-t, t]: the mean of two points of each, of four where they differ.
 
     camera: world_from_camera [3, 3]. view [3, 3], tan_half, radiance [V, V, 3], cover [V, V]: the object as it is seen,
     for coats that mirror it.
@@ -254,40 +272,45 @@ def picture(f, i, w, q, camera, tangent, wanted, samples, view, tan_half, radian
     size = len(wanted)
     out = np.zeros((size, size, 3), np.float32)
     ex, ey, ez = f[EYE], f[EYE + 1], f[EYE + 2]
-    fine = size * samples
     for row in range(size):
         for column in range(size):
-            if not wanted[row, column]:
-                continue
-            for a in range(row * samples, (row + 1) * samples):
-                for b in range(column * samples, (column + 1) * samples):
-                    draw = seed + a * fine + b
-                    scaled = 1024 * random(draw)
-                    x = (2 * (b + int(scaled) / 1024) / fine - 1) * tangent
-                    y = (1 - 2 * (a + scaled - int(scaled)) / fine) * tangent
-                    length = 1 / math.sqrt(x * x + y * y + 1)
-                    dx = (camera[0, 0] * x + camera[0, 1] * y - camera[0, 2]) * length
-                    dy = (camera[1, 0] * x + camera[1, 1] * y - camera[1, 2]) * length
-                    dz = (camera[2, 0] * x + camera[2, 1] * y - camera[2, 2]) * length
-                    p, t, u, v = hit_panel(f, i, ex, ey, ez, dx, dy, dz, FAR_AWAY, -1)
-                    lamp = lamp_along(f, i, ex, ey, ez, dx, dy, dz, t)
-                    if lamp >= 0:
-                        e = i[SOURCE] + lamp * SOURCE_SIZE + POWER
-                        r, g, c = f[e], f[e + 1], f[e + 2]
-                    elif p < 0:
-                        r, g, c = sky_at(i, q, FULL, 0, dx, dy, dz)
-                    else:
-                        r, g, c = panel_seen(f, i, w, q, p, t, u, v, dx, dy, dz, view, tan_half, radiance, cover, draw)
-                    out[row, column, 0] += r
-                    out[row, column, 1] += g
-                    out[row, column, 2] += c
-    return out / (samples * samples)
+            count, first, last = 0, 0.0, 0.0
+            while wanted[row, column] and count < 4:
+                if count == 2 and abs(first - last) < PICTURE_EVEN * (first + last):
+                    break
+                a, b = two_by_two(count)
+                draw = seed + row * size + column
+                scaled = 1024 * random(4 * draw + count)
+                x = ((2 * column + b + int(scaled) / 1024) / size - 1) * tangent
+                y = (1 - (2 * row + a + scaled - int(scaled)) / size) * tangent
+                length = 1 / math.sqrt(x * x + y * y + 1)
+                dx = (camera[0, 0] * x + camera[0, 1] * y - camera[0, 2]) * length
+                dy = (camera[1, 0] * x + camera[1, 1] * y - camera[1, 2]) * length
+                dz = (camera[2, 0] * x + camera[2, 1] * y - camera[2, 2]) * length
+                p, t, u, v = hit_panel(f, i, ex, ey, ez, dx, dy, dz, FAR_AWAY, -1)
+                lamp = lamp_along(f, i, ex, ey, ez, dx, dy, dz, t)
+                if lamp >= 0:
+                    e = i[SOURCE] + lamp * SOURCE_SIZE + POWER
+                    r, g, c = f[e], f[e + 1], f[e + 2]
+                elif p < 0:
+                    r, g, c = sky_at(i, q, FULL, 0, dx, dy, dz)
+                else:
+                    r, g, c = panel_seen(
+                        f, i, w, q, p, t, u, v, dx, dy, dz, view, tan_half, radiance, cover, draw, count
+                    )
+                out[row, column, 0] += r
+                out[row, column, 1] += g
+                out[row, column, 2] += c
+                first, last, count = last, r + g + c, count + 1
+            for n in range(3):
+                out[row, column, n] /= max(count, 1)
+    return out
 
 
 @compiled
-def panel_seen(f, i, w, q, number, t, u, v, dx, dy, dz, view, tan_half, radiance, cover, draw):
+def panel_seen(f, i, w, q, number, t, u, v, dx, dy, dz, view, tan_half, radiance, cover, draw, part):
     """Return the radiance of a panel at u, v on it, t along a ray from the eye: with the object, exact shadows of
-    sources, and its coat."""
+    sources, and its coat. draw: number of the pixel, by which rays are drawn; part: which of its four points it is."""
     p = i[PANEL] + number * PANEL_SIZE
     nx, ny, nz = f[p + NORMAL], f[p + NORMAL + 1], f[p + NORMAL + 2]
     qx, qy, qz = f[EYE] + t * dx + 1e-4 * nx, f[EYE + 1] + t * dy + 1e-4 * ny, f[EYE + 2] + t * dz + 1e-4 * nz
@@ -295,14 +318,15 @@ def panel_seen(f, i, w, q, number, t, u, v, dx, dy, dz, view, tan_half, radiance
     s0 = s1 = s2 = g0 = g1 = g2 = 0.0
     f0, alpha = f[p + F0], f[p + COAT_ALPHA]
     for s in range(i[SOURCE_COUNT]):
-        _, share, cosine = seen_share(f, i, w, s, qx, qy, qz, nx, ny, nz, 1, number, 0.0, draw)
+        _, cosine, share = seen_share(f, i, w, s, qx, qy, qz, nx, ny, nz, 1, number, 0.0, i[BODIES] > 0, draw, part, 4)
         if share <= 0:
             continue
-        er, eg, eb, one, grazing, _ = from_source(f, i, s, qx, qy, qz, nx, ny, nz, -dx, -dy, -dz, alpha)
-        e0 += er * share * cosine
-        e1 += eg * share * cosine
-        e2 += eb * share * cosine
+        _, _, _, er, eg, eb, _, _ = toward_source(f, i, s, qx, qy, qz)
+        e0 += er * cosine
+        e1 += eg * cosine
+        e2 += eb * cosine
         if f0 > 0:
+            _, _, _, one, grazing, _ = from_source(f, i, s, qx, qy, qz, nx, ny, nz, -dx, -dy, -dz, alpha)
             s0 += er * share * one
             s1 += eg * share * one
             s2 += eb * share * one
@@ -326,7 +350,11 @@ def panel_seen(f, i, w, q, number, t, u, v, dx, dy, dz, view, tan_half, radiance
     r, g, b = r + f0 * s0 + (1 - f0) * g0, g + f0 * s1 + (1 - f0) * g1, b + f0 * s2 + (1 - f0) * g2
     no = -(nx * dx + ny * dy + nz * dz)
     if i[BODIES] > 0 and alpha < 0.5 and no > 0:
-        one, two, three = random(draw + 1), random(draw + 2), random(draw + 3)
+        one, two, three = (
+            random(12 * draw + 3 * part),
+            random(12 * draw + 3 * part + 1),
+            random(12 * draw + 3 * part + 2),
+        )
         rx = dx + 2 * no * nx + 0.7 * alpha * (one - 0.5)
         ry = dy + 2 * no * ny + 0.7 * alpha * (two - 0.5)
         rz = dz + 2 * no * nz + 0.7 * alpha * (three - 0.5)

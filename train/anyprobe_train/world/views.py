@@ -184,15 +184,16 @@ def _see(mesh: Mesh, rotation: np.ndarray, eye: np.ndarray, tangent: float) -> t
     return cover, *nearest
 
 
-def view_points(view: np.void, every: int = 1) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def view_points(view: np.void) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return row and column numbers, points and normals [N, 3] in the world's frame of a view's covered pixels."""
     rows, columns = np.nonzero(view["cover"])
     camera = view["camera"]
     n = view["normals"][rows, columns].astype(np.float32)
     n /= np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1.0)
-    rays = pixel_rays(float(view["tangent"]), SEEN_PX)[rows, columns]
     depth = view["depth"][rows, columns].astype(np.float32) + np.linalg.norm(view["eye"])
-    points = view["eye"] - (rays / rays[:, 2:] * depth[:, None]) @ camera.T
+    x, y = ((one.astype(np.float32) * (2 / SEEN_PX) + (1 / SEEN_PX - 1)) * view["tangent"] for one in (columns, rows))
+    plane = np.stack([x, -y, -np.ones_like(x)], axis=1)
+    points = view["eye"] + (plane * depth[:, None]) @ camera.T
     return rows, columns, points.astype(np.float32), n @ camera.T
 
 
