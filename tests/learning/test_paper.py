@@ -222,10 +222,19 @@ def test_a_chain_of_small_pictures_is_refused(runs, tmp_path):
         Models(str(tmp_path / "graphs"))
 
 
-def test_only_trained_networks_ship(runs, tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    ("setting", "fault"),
+    [
+        (TINY, "photos of 32 pixels"),
+        (SETTINGS["full"], "irradiance_net at step 3 of 120000"),
+        (replace(SETTINGS["full"], share=0), "no table_1.md of them"),
+    ],
+)
+def test_only_trained_networks_ship(runs, tmp_path, monkeypatch, setting, fault):
     monkeypatch.setattr(graphs, "weights_folder", lambda model: tmp_path / "weights")
-    with pytest.raises(InputError, match="got irradiance_net at step 3 of 120000; train on"):
-        exported(beside(runs, tmp_path / "runs"), tmp_path / "weights", SETTINGS["full"])
+    monkeypatch.setattr(graphs, "steps_of", lambda piece, setting: max(3, round(piece.steps * setting.share)))
+    with pytest.raises(InputError, match=f"trained to their end and scored, got {fault}"):
+        exported(beside(runs, tmp_path / "runs"), tmp_path / "weights", replace(setting, width=4, code=16))
     assert not (tmp_path / "weights").exists()
 
 

@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from anyprobe.errors import InputError
-from anyprobe.estimate.runtime import STAGES, model_id, weights_folder
+from anyprobe.estimate.runtime import PHOTO_SIZE, STAGES, model_id, weights_folder
 from anyprobe.files.atomic import atomic_path
 from anyprobe_train.paper.networks import in_chain
 from anyprobe_train.paper.open_tables import about_tables
 from anyprobe_train.paper.pieces import piece_named, steps_of
 from anyprobe_train.paper.settings import SETTINGS, Setting
-from anyprobe_train.paper.training import load_net, log_of, stored
+from anyprobe_train.paper.training import checkpoint_of, load_net, log_of, stored
 from anyprobe_train.train.export_onnx import CONVOLUTIONS, LINEAR_LAYERS, Graph, export_stage
 
 PIECE_OF = dict(zip(STAGES, ("irradiance_net", "ours", "hdr_net"), strict=True))
@@ -26,17 +26,24 @@ def export_chain(runs: Path, setting: Setting, folder: Path) -> dict[str, float]
     """Write irradiance.onnx, illumination.onnx, hdr.onnx and README.md; return each graph's difference from torch.
 
     Raises:
-        InputError: the folder is the package's, and a network is not trained to its end or Table 1 is not there.
+        InputError: the folder is the package's, and the networks are not what estimates take, not trained to their end,
+            or changed since they were scored.
     """
     steps = {
         stage: (stored(runs, name)["step"], steps_of(piece_named(name), setting)) for stage, name in PIECE_OF.items()
     }
     table = runs / "table_1.md"
     if folder.resolve() == weights_folder("paper").resolve():
-        behind = [f"{PIECE_OF[stage]} at step {step} of {end}" for stage, (step, end) in steps.items() if step < end]
-        if behind or not table.is_file():
-            got = behind[0] if behind else "no table_1.md"
-            raise InputError(f"expected trained networks and their Table 1, got {got}; train on", source=runs)
+        faults = [] if setting.side == PHOTO_SIZE else [f"photos of {setting.side} pixels"]
+        faults += [f"{PIECE_OF[stage]} at step {step} of {end}" for stage, (step, end) in steps.items() if step < end]
+        last = max(checkpoint_of(runs, name).stat().st_mtime for name in PIECE_OF.values())
+        if not table.is_file() or table.stat().st_mtime < last:
+            faults.append("no table_1.md of them; write it with --table")
+        if faults:
+            text = (
+                f"expected networks for photos of {PHOTO_SIZE} pixels, trained to their end and scored, got {faults[0]}"
+            )
+            raise InputError(text, source=runs)
     differences, sizes = {}, {}
     for stage, name in PIECE_OF.items():
         net = load_net(setting, runs, name)
