@@ -20,6 +20,7 @@ from anyprobe_train.world.march import blocked_each
 from anyprobe_train.world.scene import FREE, GRID_POINTS, LIT
 from anyprobe_train.world.views import VIEW
 
+pytestmark = pytest.mark.ci  # its kernels are compiled first
 ALBEDO = 0.4
 
 

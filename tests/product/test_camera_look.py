@@ -64,6 +64,7 @@ def test_a_blurred_object_keeps_its_light_and_coverage():
     assert 0.3 < soft[20, 10, 3] < 0.7
 
 
+@pytest.mark.ci
 def test_an_inserted_object_has_the_grain_of_its_photo():
     photo = photo_of(0.6, 1.0, 0.02)
     light = np.full((32, 64, 3), 0.4, np.float32)

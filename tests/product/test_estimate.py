@@ -130,11 +130,8 @@ def test_errors_are_the_callers_value_errors(estimator):
 
 OFFSETS = {  # pixels to the right and up, and the rotation that carries -Z there
     "right": (83, 0),
-    "left": (-83, 0),
     "up": (0, 51),
-    "down": (0, -51),
-    "upper left": (-83, 51),
-    "lower right": (83, -51),
+    "lower left": (-83, -51),
 }
 
 
@@ -249,6 +246,7 @@ def test_sidecar_tells_all(tmp_path, estimator, photo_path):
     np.testing.assert_allclose(sidecar["camera_from_crop"], light.camera_from_crop, atol=1e-6)
 
 
+@pytest.mark.ci
 def test_an_estimator_can_be_sent_to_another_process(estimator, photo_rgba):
     again = pickle.loads(pickle.dumps(estimator))
     np.testing.assert_array_equal(again(photo_rgba).radiance, estimator(photo_rgba).radiance)

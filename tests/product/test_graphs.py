@@ -9,14 +9,13 @@ import pytest
 from support.refused import refused
 
 from anyprobe.errors import InputError
-from anyprobe.estimate.runtime import weights_folder
 from anyprobe.files import graphs
 from anyprobe.files.graphs import CPU, open_graph
 from anyprobe.masks.networks import default_graph
 
 
-@pytest.mark.parametrize("graph", [weights_folder("lift") / "light.onnx", default_graph()])
-def test_threads_do_not_spin_and_are_as_many_as_asked(graph):
+def test_threads_do_not_spin_and_are_as_many_as_asked():
+    graph = default_graph()
     options = open_graph(graph, 2).get_session_options()
     assert options.get_session_config_entry("session.intra_op.allow_spinning") == "0"
     assert options.intra_op_num_threads == 2

@@ -242,7 +242,7 @@ def test_an_overlay_is_read_as_the_object_and_named():
 
 
 def test_a_photo_in_the_place_of_a_mask_is_named(rng):
-    grey = np.clip(rng.normal(0.5, 0.2, (120, 160)), 0, 1).astype(np.float32)
+    grey = np.clip(rng.normal(0.5, 0.2, (60, 80)), 0, 1).astype(np.float32)
     assert "grey" in look_at_given(grey)[1][0]
 
 

@@ -63,6 +63,7 @@ def test_it_is_unwrapped_with_a_line_unless_a_material_is_given():
     assert not any("mirror ball" in line for line in given.warnings)
 
 
+@pytest.mark.ci
 def test_a_server_unwraps_it_as_python_does(estimator):
     picture, mask = ball_photo(rich_map(), "mirror")
     files = {"photo": png(picture), "mask": png(np.round(mask * 255).astype(np.uint8))}
