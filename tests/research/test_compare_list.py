@@ -30,10 +30,10 @@ def test_a_list_takes_the_place_of_the_frozen_pairs(cheap, tmp_path):
     listed = tmp_path / "list.txt"
     listed.write_text("\n".join([f"# {digest(recipes)}", *(one.to_hex() for one in recipes)]))
     out = tmp_path / "compare.json"
-    compare.compare(tmp_path, tmp_path, pairs=2, out=out, recipes=listed)
+    compare.compare(hdri=tmp_path, meshes=tmp_path, pairs=2, out=out, recipes=listed)
     assert json.loads(out.read_text())["recipes"] == digest(recipes[:2])
 
 
 def test_the_frozen_pairs_need_their_own_assets(cheap, tmp_path):
     with refused(source=compare.FROZEN.name, naming="--recipes DIR/frozen_public.txt"):
-        compare.compare(tmp_path, tmp_path, pairs=2, out=tmp_path / "compare.json")
+        compare.compare(hdri=tmp_path, meshes=tmp_path, pairs=2, out=tmp_path / "compare.json")

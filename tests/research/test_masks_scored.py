@@ -72,11 +72,11 @@ def test_a_refused_photo_scores_nothing_and_counts_as_warned():
 def test_the_command_writes_a_table_and_a_sheet(folder, red_is_found, tmp_path, capsys):
     out = tmp_path / "out"
     options = {"data": None, "scenes": 1, "seed": 0, "segmenter": None}
-    command.masks([folder], **options, before=None, out=out)
+    command.masks(photos=[folder], **options, before=None, out=out)
     rows = json.loads((out / "masks.json").read_text())["rows"]["photos"]
     assert [one["prompt"] for one in rows] == ["auto", "click", "box"] * 2
     with Image.open(out / "photos.jpg") as sheet:
         assert sheet.width > 1000
-    command.masks([folder], **options, before=out / "masks.json", out=tmp_path / "again")
+    command.masks(photos=[folder], **options, before=out / "masks.json", out=tmp_path / "again")
     mean = np.mean([one["iou"] for one in rows if one["prompt"] == "box"])
     assert f"({mean:.2f})" in capsys.readouterr().out
