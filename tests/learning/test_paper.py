@@ -333,6 +333,7 @@ def test_figures_say_the_steps_of_their_networks(command, runs, tmp_path, number
         assert picture.width > 200
     assert number < 11 or "irradiance_net at step 3 of 12" in lines
     assert number != 13 or sum(line.startswith("angle to the lamp, Real-") for line in lines) == 2
+    assert number != 13 or "angle to the lamp, all real photos, of a light at the camera: 58.01" in lines
     assert number < 12 or "give --data" in command(*asked).complaint
 
 

@@ -16,14 +16,14 @@ from torch.nn import functional as F
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import inverse_response, response
 from anyprobe.files.objects import draw_under
-from anyprobe.light.dominant_light import find_dominant_light
+from anyprobe.light.light_sources import find_dominant_light
 from anyprobe_train.evaluate.metrics import direction_error_deg, psnr, rmse, ssim
 from anyprobe_train.paper.figure_run import METHODS, Run
 from anyprobe_train.paper.materials import MATERIALS
 from anyprobe_train.paper.pairs import Which, balanced, pairs_of
 from anyprobe_train.paper.pieces import Shown
 from anyprobe_train.paper.real_photos import LampPhoto, RealPhotos, cropped, lamp_photos
-from anyprobe_train.paper.rivals import spheres_of
+from anyprobe_train.paper.rivals import TO_EYE, spheres_of
 from anyprobe_train.paper.scores import BLOCK, blocks
 from anyprobe_train.paper.sheets import LINE, PICTURE_ROWS, as_bytes, columns_of, picture_sheet
 
@@ -93,7 +93,8 @@ def compared_numbers(run: Run) -> Image.Image:
             for method, pictures in made.items():
                 for name, metric in COMPARED.items():
                     add(name, "Synth", specular, method, metric(pictures[k], true))
-    for some, real in in_blocks(run, lamps_of(run)):
+    lamps = lamps_of(run)
+    for some, real in in_blocks(run, lamps):
         lights = {method: lights_of(run.map_by(method, real)) for method in METHODS}
         for k, photo in enumerate(some):
             for method, light in lights.items():
@@ -109,6 +110,8 @@ def compared_numbers(run: Run) -> Image.Image:
         for group, one in sorted(groups.items(), reverse=True):
             values = ", ".join(f"{METHODS[method]} {value:.4g}" for method, value in one.items())
             run.notes[f"{panel} {group}"] = f"{panel}, {group}: {values}"
+    at_camera = [direction_error_deg(TO_EYE, photo.lamp) for photo in lamps]
+    run.notes["baseline"] = f"{ANGLE}, all real photos, of a light at the camera: {np.mean(at_camera):.4g}"
     return bars(means)
 
 
