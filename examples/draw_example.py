@@ -36,7 +36,7 @@ def main(root: Path) -> None:
     light = anyprobe.Estimator().from_photo(photo)
     source, truth = true_light(*photo.rgb.shape[1::-1])
     stage = Stage(photo, open_object("sphere"), Arrangement(size=0.6, at=(455, 365), pitch_deg=PITCH_DEG))
-    pictures = [photo.rgb] + [stage.relit(map_, "gold", "own") for map_ in (light.radiance, truth)]
+    pictures = [photo.rgb] + [stage.relit(map_, "gold") for map_ in (light.radiance, truth)]
     panels = [fitted(picture) for picture in pictures]
     maps = [fitted(response(map_)) for map_ in (light.radiance, truth)]
     height = panels[0].height

@@ -1,6 +1,6 @@
 """Draw docs/explanation/gallery.md and docs/gallery/*.jpg: photos, true and estimated light, an object relit by both.
 
-    python -m research.gallery       # Mitsuba 3 (pip install '.[relight]', libllvm19)
+    python -m research.gallery       # Mitsuba 3 (pip install '.[judge]', libllvm19)
 
 Each photo is path traced: an object on a textured table under a map of 512 x 1024 pixels, both of anyprobe's own
 making, through a phone's lens and curve with its noise. The estimate gets the photo, the object's mask and the lens's
@@ -25,13 +25,13 @@ from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
 from anyprobe.light.light_sources import find_dominant_light
 from anyprobe.relight.appearance import least_scale
 from anyprobe.relight.insert import Stage
-from anyprobe.relight.path_traced import _environment, _shape, open_mitsuba
 from anyprobe.render.spheres import diffuse
 from anyprobe.scatter.materials import Material
 from anyprobe_train.dataset.room import room
 from anyprobe_train.dataset.sky import sky, studio
 from anyprobe_train.dataset.textured import draw_texture
 from anyprobe_train.evaluate.metrics import color_angle_deg, direction_error_deg, power_ratio_stops
+from anyprobe_train.evaluate.path_traced import _environment, _shape, open_mitsuba
 
 DOCS = Path(__file__).parent.parent / "docs"
 WIDTH, HEIGHT, FOV_DEG = 480, 360, 30.0
@@ -81,7 +81,7 @@ def main() -> None:
         gain = np.float32(least_scale(photo, light.radiance))
         panorama = light.panorama(MAP_ROWS, frame="camera").radiance * gain
         stage = Stage(photo, open_object("sphere"))
-        relit = [stage.relit(one, scene.inserted, "own") for one in (panorama, truth)]
+        relit = [stage.relit(one, scene.inserted) for one in (panorama, truth)]
         path = DOCS / "gallery" / f"{scene.name.replace(', ', '_').replace(' ', '_')}.jpg"
         sheet(photo.rgb, panorama, truth, relit).save(path, quality=82, optimize=True)
         said = errors(light.radiance * gain, shrink(truth, MAP_HEIGHT))

@@ -44,7 +44,7 @@ def tiles_of(photo: Photo, light: Light) -> list[Tile]:
     spheres = [("", response(one * gain)) for one in sphere_images(light.radiance, ROW).values()]
     stage = Stage(photo, open_object("vase"), Arrangement(size=0.6, ground=light.ground))
     pitch = "" if light.pitch_deg is None else f"pitch {light.pitch_deg:.0f} deg"
-    return [("", response(light.radiance * gain)), *spheres, (pitch, stage.relit(light.radiance, "matte", "own"))]
+    return [("", response(light.radiance * gain)), *spheres, (pitch, stage.relit(light.radiance, "matte"))]
 
 
 def row_of(path: Path, mask: Path | None, estimators: Mapping[str, Estimator]) -> Image.Image:

@@ -10,8 +10,8 @@ from PIL import Image
 
 from anyprobe.core.latlong import bilinear, direction_to_uv, uv_to_direction
 from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
-from anyprobe.relight.path_traced import NAME, _environment, _mi_rays, _shape, open_mitsuba
 from anyprobe.render.shapes import sphere
+from anyprobe_train.evaluate.path_traced import NAME, _environment, _mi_rays, _shape, open_mitsuba
 from research.scenes.layouts import Lamp, Layout
 from research.world.whole_render import Render
 from research.world.whole_scenes import Panel

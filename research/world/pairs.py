@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from anyprobe.errors import InputError
-from anyprobe.relight.path_traced import open_mitsuba, trace_mesh
 from anyprobe_train.dataset.asset_store import AssetStore, load_asset_store
 from anyprobe_train.dataset.pair import Pair, Trace
 from anyprobe_train.dataset.recipe import Recipe, digest, read_recipes, world_recipes
+from anyprobe_train.evaluate.path_traced import open_mitsuba, trace_mesh
 from research.kept_pairs import kept_pairs
 from research.left_out import load_left_out
 

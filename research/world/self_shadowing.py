@@ -25,7 +25,6 @@ from anyprobe.estimate.runtime import Models
 from anyprobe.inputs.settings import DEFAULT_MODEL
 from anyprobe.light.environment import rotate
 from anyprobe.light.light_sources import find_dominant_light
-from anyprobe.relight.path_traced import trace_mesh
 from anyprobe_train.dataset.batch_shading import pixel_wo, shade_batch
 from anyprobe_train.dataset.distributions import KINDS
 from anyprobe_train.dataset.lighting import Illuminator
@@ -33,6 +32,7 @@ from anyprobe_train.dataset.occlusion import hidden_cells
 from anyprobe_train.dataset.pair import _draw, _look, is_painted, render_pair
 from anyprobe_train.evaluate.methods import run_with_hints
 from anyprobe_train.evaluate.metrics import direction_error_deg
+from anyprobe_train.evaluate.path_traced import trace_mesh
 from research.limits.figures import figures
 from research.world.pairs import recipes_of, store_of, world_pairs
 

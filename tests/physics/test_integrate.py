@@ -8,7 +8,7 @@ from anyprobe.core.frames import normalize, reflect, rotation_x, rotation_y, rot
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.sampling import hammersley
 from anyprobe.light.octahedral import build_pyramid
-from anyprobe.render.integrate import _lod, shade, shade_diffuse, shade_specular
+from anyprobe.render.integrate import lobe_lod, shade, shade_diffuse, shade_specular
 from anyprobe.scatter.materials import Material, brdf
 
 ALPHAS = (0.01, 0.05, 0.3, 0.6, 1.0)
@@ -242,4 +242,4 @@ def test_gradient_is_nan_or_another_function():
 def test_a_sample_reads_the_level_whose_texel_is_as_large_as_what_it_stands_for(texels, level):
     pyramid = build_pyramid(np.ones((32, 64, 3), np.float32))
     solid_angle = texels * 4 * np.pi / pyramid.side**2
-    assert _lod(np.array([1 / (8 * solid_angle)]), 8, pyramid)[0] == pytest.approx(level)
+    assert lobe_lod(np.array([1 / (8 * solid_angle)]), 8, pyramid)[0] == pytest.approx(level)

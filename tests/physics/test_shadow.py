@@ -124,3 +124,13 @@ def test_black_map_throws_no_shadow():
 
 def test_even_sky_lights_the_ground_with_pi():
     np.testing.assert_allclose(sky_irradiance(np.ones((32, 64, 3), np.float32), UP), np.pi, rtol=1e-3)
+
+
+def test_ground_is_lit_by_what_stands_on_it():
+    """In even light, by a sphere that sends as much as it hides: nothing is lost."""
+    even = np.ones((32, 64, 3), np.float32)
+    shadow = GroundShadow(unit_sphere(), FOOT, RADIUS, UP, even, count=256, grid=64)
+    for distance in (0.6, 1.0, 2.0):
+        at = surroundings(shadow, distance * RADIUS)
+        hidden, sent = 1 - shadow.at(at).mean(), shadow.with_light(np.full(3, 0.5)).at(at).mean() - shadow.at(at).mean()
+        assert sent == pytest.approx(0.5 * hidden, rel=0.15)

@@ -72,7 +72,7 @@ def test_an_inserted_object_has_the_grain_of_its_photo():
     pictures = []
     for grain in (stage.look.grain, 0.0):
         stage.look = replace(stage.look, grain=grain)
-        pictures.append(stage.relit(light, "matte", "own"))
+        pictures.append(stage.relit(light, "matte"))
     added = (pictures[0] - pictures[1])[..., 0]
     on = added != 0
     assert on.sum() > 200

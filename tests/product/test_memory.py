@@ -11,10 +11,8 @@ import pytest
 
 from anyprobe.core.response import inverse_response, response
 from anyprobe.export.cube_textures import cube_faces
-from anyprobe.relight.ground_map import GroundPicture
 from anyprobe.relight.ground_view import View
 from anyprobe.relight.insert import cast_shadow
-from anyprobe.relight.photographed import shown_ground
 
 
 @pytest.fixture
@@ -78,14 +76,7 @@ def test_shadow_by_strips_is_the_shadow(scene, monkeypatch):
     assert 0.1 < dark.mean() < 0.9
 
 
-def test_shadow_and_ground_take_little_more_than_the_photo(scene, monkeypatch):
+def test_shadow_takes_little_more_than_the_photo(scene, monkeypatch):
     photo, view, shadow = scene
     monkeypatch.setattr("anyprobe.relight.ground_view.VIEW_STRIP_PIXELS", 9_000)
     assert most_bytes(lambda: cast_shadow(photo, view, shadow)) < photo.rgb.nbytes + 400 * 9_000
-    placement = SimpleNamespace(foot=view.on_ground(350.0, 400.0), radius=0.2)
-    light = np.ones((16, 32, 3), np.float32)
-
-    def ground():
-        return shown_ground(GroundPicture(photo, view, light), view, placement, shadow)
-
-    assert most_bytes(ground) < ground().radiance.nbytes + photo.rgb.nbytes + 400 * 9_000

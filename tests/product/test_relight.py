@@ -29,8 +29,7 @@ from anyprobe.relight.insert import Arrangement, Stage, cast_shadow
 from anyprobe.relight.shadow import REACH
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.shapes import sphere
-from anyprobe.render.surface import frame_object
-from anyprobe.scatter.materials import MATERIALS, Material
+from anyprobe.scatter.materials import Material
 
 pytestmark = pytest.mark.usefixtures("rough_shadows", "networks_opened_once")
 
@@ -198,7 +197,7 @@ def test_objects_of_our_own_stand_on_their_base(photo, name):
 def test_real_object_in_front_hides_the_virtual_one(photo):
     foot = 90 + DIAMETER // 2 - 12
     stage = Stage(photo, sphere(24), Arrangement(at=(75, foot), size=1.0, pitch_deg=15))
-    picture = stage.relit(made_map(), "gold", "own")
+    picture = stage.relit(made_map(), "gold")
     inside = photo.mask > 0.99
     np.testing.assert_array_equal(picture[inside], photo.rgb[inside])
     assert (picture != photo.rgb).any()
@@ -243,7 +242,7 @@ def test_without_room_it_stands_behind_and_says_so():
     assert stage.placement.side == "behind"
     assert "no room beside" in stage.warnings[0]
     assert stage.warnings[0].remedy == give("at", "size")
-    picture = stage.relit(made_map(), "gold", "own")
+    picture = stage.relit(made_map(), "gold")
     np.testing.assert_array_equal(picture[mask == 1], photo.rgb[mask == 1])
 
 
@@ -324,9 +323,9 @@ def pixel_box(stage: Stage) -> tuple[int, ...]:
 
 def test_object_in_a_large_photo_is_enlarged(photo, stage, monkeypatch):
     """Drawn coarser, then brought to its window: the same picture but for its edge."""
-    whole = stage.draw(made_map(), "matte", "own")
+    whole = stage.draw(made_map(), "matte")
     monkeypatch.setattr("anyprobe.relight.insert.MOST_DRAWN", whole.shape[0] // 2)
-    coarse = stage.draw(made_map(), "matte", "own")
+    coarse = stage.draw(made_map(), "matte")
     assert coarse.shape == whole.shape
     inside = whole[..., 3] == 1
     assert np.abs(coarse - whole)[inside].mean() < 0.03 * whole[inside].mean()
@@ -337,7 +336,7 @@ def test_object_in_a_large_photo_is_enlarged(photo, stage, monkeypatch):
 
 
 def test_far_pixels_keep_their_bits(photo, stage):
-    picture = stage.relit(made_map(), "gold", "own")
+    picture = stage.relit(made_map(), "gold")
     rows, columns = np.mgrid[0:HEIGHT, 0:WIDTH] + 0.5
     away = np.linalg.norm(stage.view.on_ground(columns, rows) - stage.placement.foot, axis=-1)
     away = np.where(np.isfinite(away), away, np.inf)  # above the horizon
@@ -354,9 +353,22 @@ def test_far_pixels_keep_their_bits(photo, stage):
 def test_white_object_shows_the_light_through_the_camera(photo, stage):
     """Under an even light of 0.5 a white furnace's sphere is response(0.5)."""
     metal = Material(albedo=np.zeros(3), f0=np.ones(3), alpha=0.05)
-    picture = stage.relit(np.full((16, 32, 3), 0.5, np.float32), metal, "own")
+    picture = stage.relit(np.full((16, 32, 3), 0.5, np.float32), metal)
     middle = stage.view.pixels(stage.placement.mesh.positions.mean(axis=0)).astype(int)
     np.testing.assert_allclose(picture[middle[1], middle[0]], response(np.full(3, 0.5)), atol=0.01)
+
+
+@pytest.mark.parametrize(
+    ("level", "material", "stops"), [(0.5, "plaster", 0), (4.0, "plaster", 1.8), (4.0, "chrome", 0)]
+)
+def test_a_material_too_bright_for_the_photo_is_exposed_down_and_a_warning_says_so(stage, level, material, stops):
+    """Plaster reflects nearly all light; a metal that mirrors what is white in the photo stays white."""
+    picture = stage.relit(np.full((16, 32, 3), level, np.float32), material)
+    said = [one for one in stage.warnings if "too bright" in one]
+    assert len(said) == (stops > 0)
+    assert stage.stops_down == pytest.approx(stops, abs=0.4)
+    row, column = stage.view.pixels(stage.placement.mesh.positions.mean(axis=0)).astype(int)[::-1]
+    assert (picture[row, column].min() < 1) == (material == "plaster")
 
 
 def test_shadow_is_drawn_wherever_it_lies(photo, monkeypatch):
@@ -440,13 +452,10 @@ def test_bad_options_are_refused_before_the_photo_is_read(command, work, photo_p
 
 @pytest.mark.ci
 def test_command_writes_the_picture_and_says_where(command, work, photo_path):
-    done = command(
-        "relight", photo_path, "--insert", "vase", "--insert-material", "gold", "--renderer", "own", "--json"
-    )
+    done = command("relight", photo_path, "--insert", "vase", "--insert-material", "gold", "--json")
     assert done.status == 0, done.err
     given = json.loads(done.out)
     assert given["picture"] == str(Path("relit", "sphere_relit.png"))  # never among the photos
-    assert given["renderer"] == "own"
     assert read_image(given["picture"]).rgb.shape == (96, 128, 3)
 
 
@@ -459,7 +468,7 @@ def test_strip_shows_the_photo_then_every_material(command, work, photo_path, mo
         return nullcontext()
 
     monkeypatch.setattr("anyprobe.cli.relight.progress", noted)
-    done = command("relight", photo_path, "--strip", "--renderer", "own", "-o", "strip.png")
+    done = command("relight", photo_path, "--strip", "-o", "strip.png")
     assert done.status == 0, done.err
     assert said[2:4] == ["drawing the sphere of chrome, 1 of 5", "drawing the sphere of gold, 2 of 5"]
     picture = read_image(work / "strip.png").rgb
@@ -475,7 +484,7 @@ def test_strip_shows_the_photo_then_every_material(command, work, photo_path, mo
 @pytest.mark.parametrize("height", [0.0, 0.0005])
 def test_mesh_that_lies_flat_is_refused(command, work, photo_path, photo, height):
     (work / "card.obj").write_text(f"v 0 0 0\nv 1 0 0\nv 1 {height} 1\nv 0 0 1\nf 1 3 2\nf 1 4 3\n")
-    said = command("relight", photo_path, "--insert", "card.obj", "--renderer", "own").complaint
+    said = command("relight", photo_path, "--insert", "card.obj").complaint
     assert "--insert: expected a mesh with a height, got one that lies flat; turn it so that +Y is up" in said
     with refused("mesh", code="invalid-mesh"):
         Stage(photo, open_object("card.obj"))
@@ -488,7 +497,7 @@ def test_place_that_cannot_be_written_is_refused_before_the_work(command, work, 
     (work / "file").write_text("a file")
     (work / "folder.png").mkdir()
     monkeypatch.setattr("anyprobe.cli.relight.photo_source", lambda photo: pytest.fail("too late"))
-    complaint = command("relight", photo_path, "--renderer", "own", "-o", out).complaint
+    complaint = command("relight", photo_path, "-o", out).complaint
     assert out in complaint
     assert "cannot be written" in complaint or "is a file, not a folder" in complaint or "is a folder" in complaint
     assert sorted(path.name for path in work.iterdir()) == ["file", "folder.png", "photos"]
@@ -500,34 +509,6 @@ def test_photo_is_never_replaced(command, work, photo_path):
     assert photo_path.read_bytes() == before
 
 
-# Mitsuba
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["gold", "plastic", "matte"])
-def test_paths_agree_with_our_shading_on_a_sphere(name):
-    """Nothing shadows a sphere: Mitsuba's picture is ours but for noise and the mean over a pixel."""
-    mitsuba = pytest.importorskip("anyprobe.relight.path_traced")
-    try:
-        mitsuba.open_mitsuba()
-    except anyprobe.MissingExtra as reason:
-        pytest.skip(str(reason))
-    from anyprobe.render.picture import draw_mesh
-
-    mesh, light = sphere(48), made_map()
-    material = replace(MATERIALS[name], alpha=max(MATERIALS[name].alpha, 0.35))  # even over a pixel
-    camera = frame_object(mesh, np.eye(3), 30.0, size=24)
-    ours = draw_mesh(mesh, camera, light, material, num_samples=512)
-    theirs = mitsuba.trace_mesh(mesh, camera, light, material, num_paths=1024)
-    np.testing.assert_allclose(theirs[..., 3], ours[..., 3], atol=0.17)  # of 9 points and of 1024
-    inside = (ours[..., 3] == 1) & (theirs[..., 3] == 1)
-    difference = (ours - theirs)[inside][:, :3]
-    mean = theirs[inside][:, :3].mean(axis=0)
-    np.testing.assert_allclose(difference.mean(axis=0) / mean, 0, atol=0.01)
-    # a metal's highlight differs over a pixel; with independent paths the others' error is .025
-    assert np.sqrt(np.square(difference).mean()) < (0.03 if name == "gold" else 0.015) * mean.mean()
-
-
 @pytest.mark.ci
 def test_an_object_lit_by_a_saved_light_stands_on_the_ground_that_was_found_with_it(command, work, photo_rgba):
     """As without --light; of another map, on what the photo shows."""
@@ -536,7 +517,7 @@ def test_an_object_lit_by_a_saved_light_stands_on_the_ground_that_was_found_with
     shot = ("table.png", "--mask", "mask.png")
     assert command("estimate", *shot, "-o", "light").status == 0
     Path("light/table.png").unlink()
-    relit = ("relight", *shot, "--renderer", "own", "--json")
+    relit = ("relight", *shot, "--json")
     wanted = json.loads(command(*relit).out)
     anyprobe.Light(radiance=made_map()).save("other.exr")
     for light in ("light/table.exr", "other.exr"):

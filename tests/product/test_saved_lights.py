@@ -117,7 +117,7 @@ def test_a_turned_light_relights_as_it_did(command, work, kind, turn):
     pictures = {}
     for name, one in (("straight", light), ("turned", light.rotate(TURNS[turn]))):
         one.save(work / f"{name}.{kind}")
-        call = ("relight", "sphere.png", "--light", f"{name}.{kind}", "--renderer", "own", "--insert-material", "matte")
+        call = ("relight", "sphere.png", "--light", f"{name}.{kind}", "--insert-material", "matte")
         done = command(*call, "-o", f"{name}.png", "-q")
         assert done.status == 0, done.err
         with Image.open(work / f"{name}.png") as picture:

@@ -16,7 +16,6 @@ from anyprobe.estimate.runtime import weights_folder
 from anyprobe.export.targets import find_target
 from anyprobe.inputs.hints import HINTS
 from anyprobe.masks.segmenters import load_segmenter
-from anyprobe.relight.insert import uses_mitsuba
 from anyprobe.scatter.materials import MATERIALS, material_named
 
 
@@ -35,7 +34,6 @@ def light():
         (lambda name: light().panorama(64, frame=name), "levle", "level"),
         (weights_folder, "lft", "lift"),
         (load_segmenter, "u2net", "u2netp"),
-        (uses_mitsuba, "mitsubi", "mitsuba"),
         (HINTS["normals"].read_word, "spere", "sphere"),
     ],
 )

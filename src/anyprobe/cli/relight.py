@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from threading import Timer
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from cyclopts import Group, Parameter
@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     from anyprobe.relight.insert import Stage
     from anyprobe.render.mesh import Mesh
 
-Renderer = Literal["auto", "own", "mitsuba"]
-"""Renderers of the inserted object."""
 STRIP = ("chrome", "gold", "plastic", "matte", "photo")
 """Materials that --strip shows after the photo."""
 _SUFFIXES = (".png", ".tif", ".tiff", ".exr")
@@ -111,7 +109,6 @@ def relight(
     out: Annotated[Path | None, Parameter(name=("--out", "-o"), metavar="FILE")] = None,
     strip: Annotated[bool, Parameter(help=f"Photo, then the object in {', '.join(STRIP)}.")] = False,
     before: bool = False,
-    renderer: Renderer = "auto",
     light: Path | None = None,
     colorspace: options.ColorspaceOption = "rec709",
     as_json: options.JsonOption = False,
@@ -126,7 +123,6 @@ def relight(
         turn: Its rotation about the vertical axis, degrees.
         out: File to write: .png, .tif, or .exr with passes; default: relit/<stem>_relit.png.
         before: Show photo and result side by side.
-        renderer: mitsuba: path tracing; own: built-in shading; auto: Mitsuba if installed.
         light: Use this .exr or .hdr map that estimate wrote, instead of an estimate.
     """
     from anyprobe.core.color import to_bytes
@@ -136,7 +132,7 @@ def relight(
     from anyprobe.pictures.headers import MAX_PIXELS
     from anyprobe.pictures.images import picture_bytes, read_image, write_png
     from anyprobe.pictures.kept_encoding import stored_as, write_as
-    from anyprobe.relight.insert import Arrangement, Stage, uses_mitsuba
+    from anyprobe.relight.insert import Arrangement, Stage
     from anyprobe.relight.passes import passes_of, write_passes
     from anyprobe.relight.placement import check_foot
 
@@ -164,7 +160,6 @@ def relight(
     if any(is_same_file(out, path) for path in inputs if isinstance(path, Path)):
         raise OutputError("the result would replace an input; choose another name with -o", source=out)
     check_writable(out)
-    traced = uses_mitsuba(renderer)
     source_of_light = read_with_origin(light) if light else models.estimator()
     silent = quiet or as_json
     with progress(f"reading {photo}", silent):
@@ -180,7 +175,7 @@ def relight(
     is_plain_png = stored.plain and kind == ".png"
     if kind == ".exr":
         with progress(f"drawing the {insert}", silent):
-            passes = passes_of(stage, radiance, material, renderer)
+            passes = passes_of(stage, radiance, material)
         with progress(f"writing {out}", silent):
             write_passes(out, passes, colorspace, opaque_linear(source, colorspace, MAX_PIXELS))
     else:
@@ -190,7 +185,7 @@ def relight(
         for number, name in enumerate(names, start=1):
             count = f" of {name}, {number} of {len(names)}" if strip else ""
             with progress(f"drawing the {insert}{count}", silent):
-                region, changed = stage.change(radiance, name, renderer, shadow)
+                region, changed = stage.change(radiance, name, shadow)
                 pictures.append(shown.copy() if pictures else shown)
                 pictures[-1][region] = to_bytes(changed) if is_plain_png else changed
         with progress(f"writing {out}", silent):
@@ -209,7 +204,6 @@ def relight(
         "picture": str(out),
         "object": insert,
         "materials": list(names),
-        "renderer": "mitsuba" if traced else "own",
         "foot_px": [round(float(v), 1) for v in contact_px],
         "pitch_deg": round(stage.placement.pitch_deg, 2),
         "long_fov_deg": round(stage.view.long_fov_deg, 2),
@@ -225,7 +219,7 @@ def relight(
     elif not quiet:
         print(
             f"{out}: {insert} of {', '.join(names)} at {contact_px[0]:.0f},{contact_px[1]:.0f}, camera "
-            f"{_pitch(stage, loaded, ground)}, by {'Mitsuba' if traced else 'the built-in renderer'}",
+            f"{_pitch(stage, loaded, ground)}",
             file=sys.stderr,
         )
     if strict and summary["warnings"]:

@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.progress import Progress
 
 from anyprobe.cli import options
-from anyprobe.cli.relight import PLACING, SHAPES, InsertOptions, Renderer, placing, progress
+from anyprobe.cli.relight import PLACING, SHAPES, InsertOptions, placing, progress
 from anyprobe.errors import InputError, arguments_named
 
 named_as_options = arguments_named(clip_digest="clip", insert_digest="insert", object_material="material")
@@ -35,7 +35,6 @@ def video(
     insert: Annotated[
         str | None, Parameter(metavar="SHAPE|FILE", help=f"Also write relit.mp4 with {SHAPES}, or a mesh file.")
     ] = None,
-    renderer: Renderer = "own",
     every: Annotated[int, Parameter(metavar="N"), options.bounded(1)] = 1,
     exr: bool = False,
     poses: Path | None = None,
@@ -51,7 +50,6 @@ def video(
 
     Args:
         clip: A video file.
-        renderer: Renderer of the object, as in relight.
         every: Estimate a light for every Nth frame.
         exr: Also write the maps as lights/<frame>.exr.
         poses: transforms.json with the camera of each frame; see docs/how-to/video.md.
@@ -60,14 +58,14 @@ def video(
     from anyprobe.estimate.poses import read_poses
     from anyprobe.files.atomic import check_writable
     from anyprobe.files.digests import digest_of, sampled_digest
-    from anyprobe.relight.insert import Arrangement, uses_mitsuba
+    from anyprobe.relight.insert import Arrangement
     from anyprobe.video.clip import clip_size, open_clip
     from anyprobe.video.following import HINT_SUFFIXES, MaskFollower
     from anyprobe.video.run import ClipRun, VirtualObject
     from anyprobe.video.track import forget_run
 
     if insert is None:
-        options.refuse_unused("without --insert", "insert_material", "at", "scale", "renderer")
+        options.refuse_unused("without --insert", "insert_material", "at", "scale")
     out = out or Path(f"{clip.stem}_light")
     name, material, size = insert, inserting.insert_material, inserting.scale
     hints, segmenter = given.hints(), given.open_segmenter()
@@ -91,9 +89,8 @@ def video(
         hints = replace(hints, fov_deg=given_poses.clip_fov_deg(*clip_size(header)))
     virtual = None
     if mesh is not None:
-        kind = "mitsuba" if uses_mitsuba(renderer) else "own"
         place = placing(Arrangement)(size=size, at=contact)
-        virtual = VirtualObject(mesh=mesh, material=material, arrangement=place, renderer=kind)
+        virtual = VirtualObject(mesh=mesh, material=material, arrangement=place)
     handled = {*first_frame, *folders, "surroundings", "material", "albedo", "roughness"}
     every_frame = {key: value for key, value in hints.given() if key not in handled}
     check_writable(out / "track.json")
@@ -117,7 +114,6 @@ def video(
         "insert_material": material,
         "at": contact,
         "scale": size,
-        "renderer": virtual.renderer if virtual else "own",
     }
     if restart:
         forget_run(out)

@@ -11,10 +11,10 @@ import numpy as np
 from PIL import Image
 
 from anyprobe.core.camera import MOST_STRETCH
+from anyprobe.core.color import luminance
 from anyprobe.core.resample import resample
 from anyprobe.core.response import inverse_response, response
-from anyprobe.core.spelling import did_you_mean
-from anyprobe.errors import InputError, MissingExtra
+from anyprobe.errors import InputError
 from anyprobe.estimate.ground import Ground
 from anyprobe.estimate.normals_hint import Part
 from anyprobe.estimate.photo import Photo
@@ -23,10 +23,9 @@ from anyprobe.relight.appearance import material_from_photo
 from anyprobe.relight.camera_look import DRAWN_BLUR, CameraLook, blurred, grain_over, look_of
 from anyprobe.relight.ground_map import GroundPicture, hides_shadows
 from anyprobe.relight.ground_view import VIEW_STRIP_PIXELS, View, view_of
-from anyprobe.relight.near_ground import draw_on_ground
-from anyprobe.relight.path_traced import NUM_PATHS, open_mitsuba, trace_among
-from anyprobe.relight.photographed import ShownSurface, likely_places, shown_ground, shown_object, standing_object
+from anyprobe.relight.near_ground import Surroundings, draw_on_ground
 from anyprobe.relight.placement import Placement, Side, check_foot, place_beside
+from anyprobe.relight.real_body import real_body
 from anyprobe.relight.shadow import NUM_DIRECTIONS, SHADOW_CELLS, GroundShadow
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.surface import Camera
@@ -42,10 +41,10 @@ MOST_SHADED = 1024
 """Largest number of shadow samples along a side of its part of the photo; larger parts are enlarged."""
 THREADS = 2
 """Number of threads that darken strips of the ground."""
-MOST_PATHS = 1 << 25
-"""Largest number of paths that are traced for one object."""
 MIRRORED_DIRECTIONS, MIRRORED_GRID = 32, 64
 """Number of directions and grid side of the shadow on the ground that an object mirrors."""
+MOST_WHITE = 0.1
+"""Largest share of an object's pixels, of a material that is no metal, that may be brighter than the photo's white."""
 LEAST_SHADOW = 1 / 1024
 """Smallest visible shadow, a quarter of a display step; weaker ones leave the photo unchanged."""
 
@@ -99,7 +98,7 @@ def cast_shadow(photo: Photo, view: View, shadow: GroundShadow, part: Part | Non
 
     def darken(strip: Part) -> None:
         ratio = 1.0 - (1.0 - ratio_of(strip)) * (1.0 - photo.mask[strip][..., None])
-        touched = np.asarray((ratio < 1.0 - LEAST_SHADOW).any(axis=-1))
+        touched = np.asarray((np.abs(ratio - 1.0) > LEAST_SHADOW).any(axis=-1))
         under = picture[within(strip, part)]
         under[touched] = response(plate_of(photo, strip, touched) * ratio[touched])
 
@@ -192,6 +191,12 @@ def lay_object_over(
     under[on] = mixed
 
 
+def mean_radiance(drawn: np.ndarray) -> np.ndarray:
+    """Return the mean radiance [3] of a drawn object [S, S, 4], highlights as white."""
+    coverage = drawn[..., 3:]
+    return (np.minimum(drawn[..., :3], 1.0) * coverage).sum(axis=(0, 1)) / max(float(coverage.sum()), 1e-6)
+
+
 def enlarged(drawn: np.ndarray, size: int) -> np.ndarray:
     """Enlarge a drawn object [S, S, 4] (linear radiance, coverage) bilinearly; unchanged if it is that large."""
     if drawn.shape[0] == size:
@@ -202,7 +207,6 @@ def enlarged(drawn: np.ndarray, size: int) -> np.ndarray:
     return larger
 
 
-RENDERERS = ("auto", "own", "mitsuba")
 NOT_BESIDE = {Side.front: "in front of it", Side.behind: "behind it"}
 """Wording of warnings about a place other than beside the real object."""
 
@@ -253,7 +257,8 @@ class Stage:
             raise InputError("the photo shows nothing of the object there; choose another place", subject="at")
         self.window: ObjectWindow = window
         self.look: CameraLook = look_of(photo)
-        self._kept: tuple[Photo, np.ndarray, list[ShownSurface]] | None = None
+        self.stops_down = 0.0
+        """Most that a material drawn so far was exposed down, so that it is not white all over."""
 
     @property
     def warnings(self) -> tuple[Notice, ...]:
@@ -261,10 +266,7 @@ class Stage:
         lines: list[tuple[str, tuple[str, ...]]] = []
         if (side := self.placement.side) in NOT_BESIDE:
             lines.append((f"no room beside the object: the inserted one stands {NOT_BESIDE[side]}", ("at", "size")))
-        if not self.placement.stands:
-            text = "the place beside the object may not be the surface that it stands on"
-            lines.append((f"{text}: the inserted one may seem to float", ("at",)))
-        if self.placement.stands and hides_shadows(self.photo, self.view, self.placement):
+        if hides_shadows(self.photo, self.view, self.placement):
             text = "the ground is so dark there that its shadow hardly shows"
             lines.append((f"{text}: the inserted object may seem to float", ("at",)))
         pixels = self.view.pixels(self.placement.mesh.positions)
@@ -273,6 +275,9 @@ class Stage:
         if (stretch := self.view.stretch(*pixels.mean(axis=0))) > MOST_STRETCH:
             text = f"spheres are {stretch - 1:.0%} longer than wide there, at {self.view.long_fov_deg:.0f} degrees"
             lines.append((text, ("at", "fov_deg") if self.photo.fov_source == "default" else ("at",)))
+        if self.stops_down > 0:
+            text = f"the material is too bright for the photo's exposure, and drawn {self.stops_down:.1f} stops darker"
+            lines.append((text, ("insert_material",)))
         if (self.photo.mask[-1] > 0.5).any():
             text = "the photo's lower border cuts the real object, so where it touches the ground is not seen"
             lines.append((text, ("at",)))
@@ -286,19 +291,21 @@ class Stage:
 
     def shadow(self, radiance: np.ndarray, count: int = NUM_DIRECTIONS, grid: int = SHADOW_CELLS) -> GroundShadow:
         """Return the object's shadow under a map [H, 2H, 3] of the camera's frame, of light the real one lets pass."""
-        spot, beside = self.placement, standing_object(self.photo, self.view, self.placement)
+        spot, beside = self.placement, self._real()
         return GroundShadow(spot.mesh, spot.foot, spot.radius, self.view.up, radiance, count, grid, beside=beside)
+
+    def _real(self) -> Mesh | None:
+        return real_body(self.photo, self.view, self.placement)
 
     def relit(
         self,
         radiance: np.ndarray,
         material: str | Material,
-        renderer: str = "auto",
         shadow: GroundShadow | None = None,
         drawn: np.ndarray | None = None,
     ) -> np.ndarray:
         """Return the photo with the object in it, [H, W, 3] display values in [0, 1]; see change for the arguments."""
-        part, changed = self.change(radiance, material, renderer, shadow, drawn)
+        part, changed = self.change(radiance, material, shadow, drawn)
         picture = self.photo.rgb.copy()
         picture[part] = changed
         return picture
@@ -307,7 +314,6 @@ class Stage:
         self,
         radiance: np.ndarray,
         material: str | Material,
-        renderer: str = "auto",
         shadow: GroundShadow | None = None,
         drawn: np.ndarray | None = None,
     ) -> tuple[Part, np.ndarray]:
@@ -316,28 +322,21 @@ class Stage:
         Args:
             radiance: [H, 2H, 3], camera frame, the photo's exposure units.
             material: a name for material(), or a Material.
-            renderer: of RENDERERS; "auto" uses Mitsuba where it is installed.
             shadow: result of shadow(radiance), if already computed.
             drawn: result of draw(...), if already drawn.
         """
-
-        def shaded() -> tuple[Part, np.ndarray]:
-            cast = shadow or self.shadow(radiance)
-            both = self.view.part_around(cast.foot, cast.reach), self.window.part(*self.photo.mask.shape)
-            rows, columns = (slice(min(a.start, b.start), max(a.stop, b.stop)) for a, b in zip(*both, strict=True))
-            part = rows, columns
-            return part, cast_shadow(self.photo, self.view, cast, part)
-
         with ThreadPoolExecutor(1) as pool:  # while the object is drawn
-            shading = pool.submit(shaded)
-            drawn = self.draw(radiance, material, renderer, shadow) if drawn is None else drawn
-        part, picture = shading.result()
+            shading = pool.submit(lambda: shadow or self.shadow(radiance))
+            drawn = self.draw(radiance, material, shadow) if drawn is None else drawn
+        cast = shading.result().with_light(mean_radiance(drawn))
+        both = self.view.part_around(cast.foot, cast.reach), self.window.part(*self.photo.mask.shape)
+        rows, columns = (slice(min(a.start, b.start), max(a.stop, b.stop)) for a, b in zip(*both, strict=True))
+        part = rows, columns
+        picture = cast_shadow(self.photo, self.view, cast, part)
         lay_object_over(picture, part, drawn, self.window, self.photo, behind=self.is_behind(), look=self.look)
         return part, picture
 
-    def draw(
-        self, radiance: np.ndarray, material: str | Material, renderer: str = "auto", shadow: GroundShadow | None = None
-    ) -> np.ndarray:
+    def draw(self, radiance: np.ndarray, material: str | Material, shadow: GroundShadow | None = None) -> np.ndarray:
         """Draw the object alone in its window, [S, S, 4] as render.picture.draw_mesh returns it; see relit.
 
         shadow: for the ground that it mirrors, if already computed.
@@ -345,14 +344,14 @@ class Stage:
         if isinstance(material, str):
             material = self.material(material, radiance)
         camera = replace(self.window.camera, size=min(self.window.camera.size, MOST_DRAWN))
-        if uses_mitsuba(renderer):
-            paths = min(NUM_PATHS, MOST_PATHS // camera.size**2)
-            arounds = likely_places(self._around(radiance, shadow), self.placement, self.view.up, material)
-            drawn = trace_among(self.placement.mesh, camera, radiance, material, arounds, paths)
-        else:
-            finer = {} if camera.size == self.window.camera.size else {"supersample": ENLARGED_SUPERSAMPLE}
-            cast = self.shadow(radiance, MIRRORED_DIRECTIONS, MIRRORED_GRID) if shadow is None else shadow
-            drawn = draw_on_ground(self.photo, self.view, self.placement, radiance, cast, camera, material, **finer)
+        finer = {} if camera.size == self.window.camera.size else {"supersample": ENLARGED_SUPERSAMPLE}
+        cast = self.shadow(radiance, MIRRORED_DIRECTIONS, MIRRORED_GRID) if shadow is None else shadow
+        ground = GroundPicture(self.photo, self.view, radiance)
+        drawn = draw_on_ground(Surroundings(ground, self.placement, cast, self._real()), camera, material, **finer)
+        if np.any(material.albedo) and (drawn[..., 3] > 0).any():
+            white = max(1.0, float(np.quantile(luminance(drawn[drawn[..., 3] > 0][:, :3]), 1.0 - MOST_WHITE)))
+            drawn[..., :3] /= white
+            self.stops_down = max(self.stops_down, float(np.log2(white)))
         own = max(DRAWN_BLUR, 0.5 * self.window.size / camera.size)
         return blurred(enlarged(drawn, self.window.size), self.look, own)
 
@@ -367,33 +366,3 @@ class Stage:
         foot_row = self.view.pixels(self.placement.mesh.positions)[:, 1].max()
         rows = np.flatnonzero((self.photo.mask > 0.5).any(axis=1))
         return len(rows) > 0 and bool(foot_row < rows[-1])  # a video's frame may have no mask
-
-    def _around(self, radiance: np.ndarray, shadow: GroundShadow | None) -> list[ShownSurface]:
-        """Return what the photo shows around the object: its ground and the real object; kept for other materials."""
-        if self._kept is None or self._kept[0] is not self.photo or self._kept[1] is not radiance:
-            cast = self.shadow(radiance, MIRRORED_DIRECTIONS, MIRRORED_GRID) if shadow is None else shadow
-            picture = GroundPicture(self.photo, self.view, radiance)
-            ground = shown_ground(picture, self.view, self.placement, cast)
-            real = shown_object(self.photo, self.view, self.placement)
-            self._kept = self.photo, radiance, [ground] if real is None else [ground, real]
-        return self._kept[2]
-
-
-def uses_mitsuba(renderer: str) -> bool:
-    """Return whether a renderer of RENDERERS means Mitsuba on this machine.
-
-    Raises:
-        InputError: no such renderer. MissingExtra: "mitsuba" where it cannot run.
-    """
-    if renderer not in RENDERERS:
-        advice = did_you_mean(renderer, RENDERERS)
-        raise InputError(f"expected one of {', '.join(RENDERERS)}, got {renderer!r}{advice}", subject="renderer")
-    if renderer == "own":
-        return False
-    try:
-        open_mitsuba()
-    except MissingExtra:
-        if renderer == "mitsuba":
-            raise
-        return False
-    return True

@@ -11,7 +11,7 @@ import numpy as np
 
 from anyprobe.core.color import COLORSPACES, from_rec709
 from anyprobe.maps.radiance import HALF_MAX
-from anyprobe.relight.insert import Stage, plate_of, ratio_over, within
+from anyprobe.relight.insert import Stage, mean_radiance, plate_of, ratio_over, within
 from anyprobe.relight.shadow import GroundShadow
 from anyprobe.scatter.materials import Material
 
@@ -63,11 +63,11 @@ class Passes:
         return found
 
 
-def passes_of(stage: Stage, radiance: np.ndarray, material: str | Material, renderer: str = "auto") -> Passes:
+def passes_of(stage: Stage, radiance: np.ndarray, material: str | Material) -> Passes:
     """Render the passes of stage.relit with the same arguments."""
     photo, spot, window = stage.photo, stage.placement, stage.window
-    shadow = stage.shadow(radiance)
-    drawn = stage.draw(radiance, material, renderer)
+    drawn = stage.draw(radiance, material)
+    shadow = stage.shadow(radiance).with_light(mean_radiance(drawn))
     height, width = photo.mask.shape
     shown = window.part(height, width)
     drawn = drawn[within(shown, (slice(window.top, height), slice(window.left, width)))]

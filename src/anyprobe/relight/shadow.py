@@ -6,25 +6,31 @@ over the sky above the ground, is the remaining share of a Lambert ground's irra
 visibility past the mesh, B past what stands beside it: light that the photo's own object keeps from the ground cannot
 be lost once more. The integrals are sums over directions with density L cos (luminance). Light is distant: the points
 of the ground that a mesh occludes from wi are its projection along wi, rasterised, so one drawing per direction serves
-every p.
+every p. In place of what it keeps off, the mesh sends light of its own (`with_light`).
 """
 
 from __future__ import annotations
 
+from copy import copy
+from functools import cached_property
+
 import numpy as np
 
 from anyprobe.core.color import luminance
-from anyprobe.core.frames import orthonormal_basis
+from anyprobe.core.frames import orthonormal_basis, world_from_local
 from anyprobe.core.latlong import bilinear, direction_to_uv, uv_to_direction
-from anyprobe.core.resample import between
-from anyprobe.core.sampling import hammersley
+from anyprobe.core.resample import between, resample
+from anyprobe.core.sampling import hammersley, square_to_cosine_hemisphere
 from anyprobe.light.environment import reduced
 from anyprobe.light.filtering import irradiance_map
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.surface import cover
+from anyprobe.render.voxels import open_shares, voxelize
 
 NUM_DIRECTIONS = 192
 SHADOW_CELLS = 256
+BACK_DIRECTIONS, BACK_CELLS = 64, 48
+"""Number of directions and grid side of the light that the mesh sends to the ground."""
 REACH = 5.0
 """Half the side of the shaded square of ground, in radii of the object."""
 
@@ -92,7 +98,8 @@ class GroundShadow:
 
         beside: what shades the ground without the mesh, too.
         """
-        self.foot, self.up = foot, up
+        self.mesh, self.foot, self.up = mesh, foot, up
+        self.sky = sky_irradiance(radiance, up)
         self.side, self.across = orthonormal_basis(up)
         self.reach = REACH * radius
         self.grid = grid
@@ -113,9 +120,31 @@ class GroundShadow:
             remaining[own | kept] -= weight
         unshadowed = (remaining / np.maximum(reached, LEAST_LIT)).reshape(self.grid, self.grid, 3)
         unshadowed[(reached < LEAST_LIT).reshape(unshadowed.shape)] = 1.0
+        return 1.0 - (1.0 - np.clip(unshadowed, 0.0, 1.0)) * self._inward()
+
+    def _inward(self) -> np.ndarray:
+        """Return weights [G, G, 1] that fade at the edge."""
         at = np.abs((np.arange(self.grid) + 0.5) / self.grid * 2 - 1)
-        inward = np.clip((1 - np.maximum.outer(at, at)) / (1 - FADE), 0.0, 1.0)[..., None]
-        return 1.0 - (1.0 - np.clip(unshadowed, 0.0, 1.0)) * inward
+        return np.clip((1 - np.maximum.outer(at, at)) / (1 - FADE), 0.0, 1.0)[..., None]
+
+    def with_light(self, sent: np.ndarray) -> GroundShadow:
+        """Return the shadow on a ground that the mesh lights, too, by radiance `sent` [3] from all of its sides.
+
+        It sends no more than a white ground does.
+        """
+        other = copy(self)
+        other.ratio = self.ratio + self._mesh_share * np.minimum(np.pi * sent / np.maximum(self.sky, 1e-9), 1.0)
+        return other
+
+    @cached_property
+    def _mesh_share(self) -> np.ndarray:
+        """The share of what the ground sees, weighted by the cosine, that is the mesh, [G, G, 1]."""
+        toward = world_from_local(square_to_cosine_hemisphere(hammersley(BACK_DIRECTIONS)), self.up[None])
+        x = ((np.arange(BACK_CELLS) + 0.5) / BACK_CELLS * 2 - 1) * self.reach
+        points = self.foot + x[None, :, None] * self.side + x[:, None, None] * self.across
+        hidden = 1.0 - open_shares(voxelize(self.mesh), points.reshape(-1, 3), toward).mean(axis=0)
+        larger = resample(hidden.reshape(BACK_CELLS, BACK_CELLS), (self.grid, self.grid), smooth=True)
+        return larger[..., None] * self._inward()
 
     def _covered(self, relative: np.ndarray, faces: np.ndarray) -> np.ndarray:
         """Return the cells [G * G] of the grid whose centres triangles cover, their corners relative to the foot."""
@@ -129,7 +158,7 @@ class GroundShadow:
         return (at / self.reach + 1) * self.grid / 2
 
     def at(self, points: np.ndarray) -> np.ndarray:
-        """Return the ratio [P, 3] in [0, 1] at points [P, 3] of the ground; exactly 1 outside the square."""
+        """Return the ratio [P, 3] at points [P, 3] of the ground; exactly 1 outside the square."""
         cell = self._cells(points - self.foot) - 0.5
         inside = np.isfinite(cell).all(axis=-1) & ((cell >= 0) & (cell < self.grid - 1)).all(axis=-1)
         ratio = np.ones((len(points), 3))

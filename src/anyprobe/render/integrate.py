@@ -92,7 +92,7 @@ class Shading:
         return outgoing_radiance(material.albedo, material.f0, self.specular, self.grazing, self.diffuse)
 
 
-def _lod(pdf, num_samples: int, pyramid: Pyramid):
+def lobe_lod(pdf, num_samples: int, pyramid: Pyramid):
     """Return the level whose texel covers the solid angle 1 / (N pdf) of a sample.
 
     Half a level up or down errs no less (benchmarks/reference.py).
@@ -110,6 +110,31 @@ def _carry(local: tuple, t, b, n) -> list:
 def _against(v: list, a):
     """Return scalar products [P, S] of components v with one vector a point, [P, 3]."""
     return v[0] * a[:, 0, None] + v[1] * a[:, 1, None] + v[2] * a[:, 2, None]
+
+
+def lobe_samples(n, wo, alpha, u) -> tuple:
+    """Draw directions wi from lobes, by the normals that the eye sees; arguments as in shade_specular.
+
+    Returns:
+        wi: components [P, S] each. pdf, and the weights of light in S1, in Ss and in Eq. 5's mean: [P, S].
+    """
+    xp = array_namespace(n, wo, u)
+    n_dot_wo = xp.clip(dot(n, wo), 1e-4, None)  # grazing view: no 0/0
+    t, b = orthonormal_basis(n)
+    local = ggx_visible_normal_xyz(u[None], dot(t, wo), dot(b, wo), n_dot_wo, alpha)
+    n_dot_h = xp.clip(local[2], 1e-6, None)
+    h = _carry(local, t, b, n)
+    wo_dot_h = xp.clip(_against(h, wo), 1e-6, None)
+    wi = [2.0 * wo_dot_h * h[k] - wo[:, k, None] for k in range(3)]
+    n_dot_wi = _against(wi, n)
+    kept = xp.astype(n_dot_wi > 0, n.dtype)
+    a2 = alpha * alpha
+    shadow = n_dot_wo + xp.sqrt(a2 + (1.0 - a2) * n_dot_wo**2)  # 2 (n.wo) / G1
+    pdf = ggx_distribution(n_dot_h, alpha) / (2.0 * shadow)
+    # D V (n.wi) / pdf, the Fresnel term left out: G / G1
+    above = xp.clip(n_dot_wi, 0.0, None)
+    weight = 2.0 * shadow * smith_visibility(n_dot_wo, xp.clip(n_dot_wi, 1e-6, None), alpha) * above
+    return wi, pdf, weight, weight * schlick_weight(wo_dot_h), 0.5 * n_dot_h * shadow / wo_dot_h * kept
 
 
 def shade_specular(pyramid: Pyramid, n, wo, alpha, u):
@@ -132,24 +157,8 @@ def shade_specular(pyramid: Pyramid, n, wo, alpha, u):
         irradiance, S1, Ss: [P, 3] each.
     """
     xp = array_namespace(n, wo, u)
-    n_dot_wo = xp.clip(dot(n, wo), 1e-4, None)  # grazing view: no 0/0
-    t, b = orthonormal_basis(n)
-    local = ggx_visible_normal_xyz(u[None], dot(t, wo), dot(b, wo), n_dot_wo, alpha)
-    n_dot_h = xp.clip(local[2], 1e-6, None)
-    h = _carry(local, t, b, n)
-    wo_dot_h = xp.clip(_against(h, wo), 1e-6, None)
-    wi = [2.0 * wo_dot_h * h[k] - wo[:, k, None] for k in range(3)]
-    n_dot_wi = _against(wi, n)
-    kept = xp.astype(n_dot_wi > 0, n.dtype)
-    a2 = alpha * alpha
-    shadow = n_dot_wo + xp.sqrt(a2 + (1.0 - a2) * n_dot_wo**2)  # 2 (n.wo) / G1
-    pdf = ggx_distribution(n_dot_h, alpha) / (2.0 * shadow)
-    light = lookup_rgb(pyramid, wi[0], wi[1], wi[2], _lod(pdf, u.shape[0], pyramid))
-    # D V (n.wi) / pdf, the Fresnel term left out: G / G1
-    above = xp.clip(n_dot_wi, 0.0, None)
-    weight = 2.0 * shadow * smith_visibility(n_dot_wo, xp.clip(n_dot_wi, 1e-6, None), alpha) * above
-    grazing = weight * schlick_weight(wo_dot_h)
-    share = 0.5 * n_dot_h * shadow / wo_dot_h * kept  # Eq. 5's weight of each sample
+    wi, pdf, weight, grazing, share = lobe_samples(n, wo, alpha, u)
+    light = lookup_rgb(pyramid, wi[0], wi[1], wi[2], lobe_lod(pdf, u.shape[0], pyramid))
     total = xp.clip(xp.sum(share, axis=1), 1e-6, None)
     irradiance = xp.stack([importance_weighted_irradiance(channel, share, total, axis=1) for channel in light], axis=-1)
     specular = xp.stack([xp.mean(channel * weight, axis=1) for channel in light], axis=-1)
@@ -178,10 +187,13 @@ def _gather(weight, power) -> Any:
     return np.stack([np.sum(weight * power[None, :, k], axis=1) for k in range(3)], axis=-1)
 
 
-def emitters_specular(pyramid: Pyramid, n, wo, alpha):
+def emitters_specular(pyramid: Pyramid, n, wo, alpha, share=1.0):
     """Return the emitters' part of shade_specular's three integrals, with Eq. 5's before division by the kept share.
 
     An emitter is not a point: D is widened by its size between half vectors.
+
+    Args:
+        share: of each emitter's light that counts at each point, [P, K].
     """
     xp = array_namespace(n)
     n_dot_wi, wo_dot_h, n_dot_h = _emitter_cosines(pyramid, n, wo)
@@ -189,7 +201,7 @@ def emitters_specular(pyramid: Pyramid, n, wo, alpha):
     above = xp.astype(n_dot_wi > 0, n.dtype)
     d = ggx_distribution(n_dot_h, (alpha * alpha + pyramid.emitter_spread) ** 0.5) * above
     density = sample_density(d, n_dot_h, wo_dot_h)
-    weight = d * smith_visibility(n_dot_wo, xp.clip(n_dot_wi, 1e-6, None), alpha) * n_dot_wi
+    weight = share * d * smith_visibility(n_dot_wo, xp.clip(n_dot_wi, 1e-6, None), alpha) * n_dot_wi
     power = pyramid.emitter_power
     return (_gather(density, power), _gather(weight, power), _gather(weight * schlick_weight(wo_dot_h), power))
 
@@ -203,7 +215,7 @@ def shade_diffuse(pyramid: Pyramid, n, wo, u):
     pdf = local[2] / np.pi + xp.zeros_like(wi[0])
     wo_dot_h = xp.sqrt(xp.clip(0.5 + 0.5 * _against(wi, wo), 0.0, None))  # half of the angle between them
     rest = 1.0 - schlick_weight(wo_dot_h)
-    light = lookup_rgb(pyramid, wi[0], wi[1], wi[2], _lod(pdf, u.shape[0], pyramid))
+    light = lookup_rgb(pyramid, wi[0], wi[1], wi[2], lobe_lod(pdf, u.shape[0], pyramid))
     diffuse = xp.stack([xp.mean(channel * rest, axis=1) for channel in light], axis=-1)
     if pyramid.emitters is None:
         return diffuse

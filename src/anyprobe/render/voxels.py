@@ -1,8 +1,9 @@
-"""Shapes as occupied cells: what they hide from a point, by marching through columns.
+"""Shapes as occupied cells: what they hide from points, ray by ray or for all rays of one direction together.
 
 A shape is 64 x 64 words over x and z of its box, a bit for each of 64 cells along y. A ray passes columns, and in each
 the cells between the heights where it enters and leaves are one mask (Amanatides and Woo, "A Fast Voxel Traversal
-Algorithm", Eurographics 1987, in two dimensions).
+Algorithm", Eurographics 1987, in two dimensions). Parallel rays are the columns of the sheared grid, of which only the
+occupied cell nearest to the light counts.
 """
 
 from __future__ import annotations
@@ -15,12 +16,14 @@ import numpy as np
 from anyprobe.render.mesh import Mesh
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Float
+    from jaxtyping import Bool, Float, Int
 
 SIDE = 64
 """Cells along each side of the box."""
 FINENESS = 1.5
 """Points for a cell along a triangle's longest edge."""
+CLEAR = 1.0
+"""Distance in front of a point, in cells, from which a cell hides parallel light: nearer ones are its own surface."""
 LEAST_EXTENT = 1e-3
 """Smallest side of a box, so that a sheet has cells."""
 
@@ -29,10 +32,12 @@ LEAST_EXTENT = 1e-3
 class Voxels:
     """Occupied cells of a shape.
 
-    words: [z, x] uint64, bit y. low: [3], the corner of the box; cell: [3], sides of a cell, in the shape's frame.
+    words: [z, x] uint64, bit y. faces: [z, x, y] int32, one of the faces in each cell, -1 where none is. low: [3], the
+    corner of the box; cell: [3], sides of a cell, in the shape's frame.
     """
 
     words: np.ndarray
+    faces: np.ndarray
     low: np.ndarray
     cell: np.ndarray
 
@@ -45,29 +50,37 @@ def voxelize(mesh: Mesh) -> Voxels:
     corners = ((mesh.positions - low) / cell)[mesh.faces].astype(np.float32)  # [F, 3, 3] in cells
     edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     counts = 2 ** np.ceil(np.log2(np.maximum(edges * FINENESS, 1.0))).astype(int)
-    occupied = np.zeros((SIDE, SIDE, SIDE), bool)  # z, x, y
+    faces = np.full((SIDE, SIDE, SIDE), -1, np.int32)  # z, x, y
     for count in np.unique(counts):
         i, j = np.nonzero(np.add.outer(np.arange(count + 1), np.arange(count + 1)) <= count)
         weights = np.stack([i, j, count - i - j], axis=1).astype(np.float32) / count
-        for some in np.array_split(corners[counts == count], max(1, (counts == count).sum() * len(weights) // 500_000)):
-            x, y, z = np.clip(np.einsum("kc,fca->afk", weights, some).astype(int), 0, SIDE - 1)
-            occupied[z, x, y] = True
-    words = (occupied.astype(np.uint64) << np.arange(SIDE, dtype=np.uint64)).sum(axis=2, dtype=np.uint64)
-    return Voxels(words=words, low=low.astype(np.float32), cell=cell)
+        these = np.flatnonzero(counts == count)
+        for some in np.array_split(these, max(1, len(these) * len(weights) // 500_000)):
+            x, y, z = np.clip(np.einsum("kc,fca->afk", weights, corners[some]).astype(int), 0, SIDE - 1)
+            faces[z, x, y] = some[:, None]
+    words = ((faces >= 0).astype(np.uint64) << np.arange(SIDE, dtype=np.uint64)).sum(axis=2, dtype=np.uint64)
+    return Voxels(words=words, faces=faces, low=low.astype(np.float32), cell=cell)
 
 
 def blocked(
     voxels: Voxels, origins: Float[np.ndarray, "N 3"], directions: Float[np.ndarray, "N 3"]
 ) -> Bool[np.ndarray, " N"]:
-    """Return whether rays from origins [N, 3] along directions [N, 3] meet an occupied cell, the one they start in
-    included; both in the shape's frame."""
+    """Return whether rays meet an occupied cell; see first_faces."""
+    return first_faces(voxels, origins, directions) >= 0
+
+
+def first_faces(
+    voxels: Voxels, origins: Float[np.ndarray, "N 3"], directions: Float[np.ndarray, "N 3"]
+) -> Int[np.ndarray, " N"]:
+    """Return a face in the first occupied cell on rays from origins [N, 3] along directions [N, 3], the cell they start
+    in included; -1 where there is none. Both in the shape's frame."""
     start = (np.asarray(origins, np.float64) - voxels.low) / voxels.cell
     along = np.asarray(directions, np.float64) / voxels.cell
     along = np.where(np.abs(along) < 1e-9, 1e-9, along)
     to_low, to_high = -start / along, (SIDE - start) / along
     near = np.maximum(np.minimum(to_low, to_high).max(axis=1), 0.0)
     far = np.maximum(to_low, to_high).min(axis=1)
-    result = np.zeros(len(start), bool)
+    result = np.full(len(start), -1)
     rays = np.flatnonzero(near < far)
     t, last, start, along = near[rays], far[rays], start[rays], along[rays]
     step = np.where(along > 0, 1, -1)
@@ -82,12 +95,48 @@ def blocked(
         heights = start[:, 1] + np.stack([t, leave]) * along[:, 1]
         bottom, top = np.clip(np.floor(np.sort(heights, axis=0)), 0, SIDE - 1).astype(np.uint64)
         mask = (~np.uint64(0) >> (bits - top)) & ~((one << bottom) - one)
-        hit = (voxels.words[column[:, 1], column[:, 0]] & mask) != 0
-        result[rays[hit]] = True
+        met = voxels.words[column[:, 1], column[:, 0]] & mask
+        hit = met != 0
+        lowest, highest = met & (~met + one), met & ~(met >> one)  # the latter's next bit is never set
+        height = np.frexp(np.where(along[:, 1] > 0, lowest, highest)[hit].astype(np.float64))[1] - 1
+        result[rays[hit]] = voxels.faces[column[hit, 1], column[hit, 0], height]
         column[which, axis] += flat_step[which, axis]
         border[which, axis] += np.abs(1.0 / flat[which, axis])
         moved = column[which, axis]
         on = ~hit & (leave < last) & (moved >= 0) & (moved < SIDE)
         rays, t, last, start, along = rays[on], leave[on], last[on], start[on], along[on]
         column, border, flat, flat_step = column[on], border[on], flat[on], flat_step[on]
+    return result
+
+
+def open_shares(
+    voxels: Voxels, points: Float[np.ndarray, "P 3"], directions: Float[np.ndarray, "D 3"]
+) -> Float[np.ndarray, "D P"]:
+    """Return how much of distant light from each direction [D, 3] reaches each point [P, 3], 0 to 1, linear between the
+    columns of the sheared grid. Points of the shape's own surface should be a cell or two off it."""
+    occupied = voxels.faces >= 0
+    at = ((points - voxels.low) / voxels.cell)[:, [2, 0, 1]].astype(np.float32)
+    result = np.empty((len(directions), len(points)), np.float32)
+    for share, direction in zip(result, directions / voxels.cell, strict=True):
+        toward = direction[[2, 0, 1]]
+        axis = int(np.abs(toward).argmax())
+        across = [k for k in range(3) if k != axis]
+        sign = 1 if toward[axis] > 0 else -1
+        slope = toward[across] / toward[axis]
+        shifts = np.round(-slope * (np.arange(SIDE)[:, None] + 0.5)).astype(int)
+        first = shifts.min(axis=0) - 1
+        nearest = np.full(np.ptp(shifts, axis=0) + SIDE + 3, -np.inf, np.float32)
+        slabs = np.moveaxis(occupied, axis, 0)
+        for k in range(SIDE)[::sign]:
+            row, column = shifts[k] - first
+            np.copyto(nearest[row : row + SIDE, column : column + SIDE], sign * (k + 0.5), where=slabs[k])
+        depth = sign * at[:, axis] + CLEAR
+        place = at[:, across] - slope.astype(np.float32) * at[:, axis, None] - first - 0.5
+        place = np.clip(place, 0, np.array(nearest.shape) - 1.001)
+        corner = place.astype(int)
+        (y, x), (row, column) = (place - corner).T, corner.T
+        upper, lower = (
+            (nearest[r, column] <= depth) * (1 - x) + (nearest[r, column + 1] <= depth) * x for r in (row, row + 1)
+        )
+        share[:] = upper * (1 - y) + lower * y
     return result

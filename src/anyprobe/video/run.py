@@ -52,7 +52,6 @@ class VirtualObject:
     mesh: Mesh
     material: str
     arrangement: Arrangement
-    renderer: str = "own"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -288,7 +287,7 @@ class ClipRun:
             numbers: dict[str, Any] = {key: np.array(value) for key, value in self.progress.material.items()}
             material = Material(**{**numbers, "alpha": float(numbers["alpha"])})
             shadow = stage.shadow(radiance, SHADOW_DIRECTIONS, SHADOW_GRID)
-            self._shown = shadow, stage.draw(radiance, material, virtual.renderer, shadow)
+            self._shown = shadow, stage.draw(radiance, material, shadow)
         shadow, drawn = self._shown
         return to_bytes(stage.relit(radiance, virtual.material, shadow=shadow, drawn=drawn))
 

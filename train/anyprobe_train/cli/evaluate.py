@@ -95,7 +95,7 @@ def evaluate(
 
     trace = None
     if path_traced:
-        from anyprobe.relight.path_traced import open_mitsuba, trace_mesh
+        from anyprobe_train.evaluate.path_traced import open_mitsuba, trace_mesh
 
         open_mitsuba()  # one clear line where it cannot run
         trace = partial(trace_mesh, num_paths=PATHS)

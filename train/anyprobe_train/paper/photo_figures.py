@@ -37,7 +37,7 @@ def insertions(run: Run) -> Image.Image:
         radiance = np.maximum(rotate(radiance, real.camera_from_crop[0]), 0.0)
         shape, material = INSERTED[len(rows) % len(INSERTED)]
         try:
-            after = Stage(photo, open_object(shape), Arrangement()).relit(radiance, material, "own")
+            after = Stage(photo, open_object(shape), Arrangement()).relit(radiance, material)
         except InputError:  # a photo without room for it
             continue
         before = Image.fromarray((photo.rgb * 255 + 0.5).astype(np.uint8))

@@ -1,4 +1,4 @@
-"""Path tracing of an object by Mitsuba 3: the mesh shadows itself and the ground lights it."""
+"""Path tracing by Mitsuba 3, the judge of our renderer: a mesh shadows and mirrors itself."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Sequence
 from functools import lru_cache
 from glob import glob
 from typing import Any
@@ -17,7 +16,6 @@ from anyprobe.core.frames import normalize
 from anyprobe.core.sampling import hammersley
 from anyprobe.errors import MissingExtra
 from anyprobe.export.scene_files import pole_to_pole
-from anyprobe.relight.photographed import ShownSurface
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.surface import Camera
 from anyprobe.scatter.materials import Material
@@ -94,15 +92,13 @@ LLVM = "/usr/lib/*/libLLVM-*.so"
 OLDEST_LLVM = 17
 """Oldest supported LLVM: older ones end the whole process on machines with AVX-512."""
 
-TURN = np.diag([-1.0, 1.0, -1.0])
+TO_OURS = np.diag([-1.0, 1.0, -1.0])
 """Rotation by 180 degrees about +Y: Mitsuba's map has +Z in its middle, ours -Z."""
 
 NUM_PATHS = 256
 """Number of paths per pixel."""
 PATHS_AT_ONCE = 1 << 20
 MAX_DEPTH = 6
-BEFORE = 0.9999
-"""Share of the way to the mesh at which a path begins."""
 ALBEDO = "vertex_albedo"
 """Mitsuba's name for albedos at the corners of the faces."""
 
@@ -115,7 +111,7 @@ def open_mitsuba():
         MissingExtra: Mitsuba or a suitable LLVM is not installed.
     """
     if not mitsuba_runs():
-        raise MissingExtra(f"mitsuba (and LLVM {OLDEST_LLVM} or newer, libllvm19)", "relight", "path tracing")
+        raise MissingExtra(f"mitsuba (and LLVM {OLDEST_LLVM} or newer, libllvm19)", "judge", "path tracing")
     import mitsuba as mi
 
     if mi.variant() != "llvm_ad_rgb":
@@ -144,26 +140,18 @@ def mitsuba_runs() -> bool:
 
 
 def trace_mesh(
-    mesh: Mesh,
-    camera: Camera,
-    radiance: np.ndarray,
-    material: Material,
-    around: Sequence[ShownSurface] = (),
-    num_paths: int = NUM_PATHS,
-    seed: int = 0,
+    mesh: Mesh, camera: Camera, radiance: np.ndarray, material: Material, num_paths: int = NUM_PATHS, seed: int = 0
 ) -> np.ndarray:
     """Draw a mesh as render.picture.draw_mesh does, by path tracing: same arguments and same [S, S, 4].
 
     Args:
         material: its albedo may also be [F, 3, 3], at the corners of the mesh's faces.
-        around: surfaces that light the mesh, shade it and are mirrored in it, but are not in the picture.
         num_paths: per pixel, rounded up to a power of two.
         seed: pictures of different ones have different grain.
     """
     mi = open_mitsuba()
     alone = {"type": "scene", "mesh": _shape(mi, mesh, material)}
     scene = {**alone, "light": _environment(mi, radiance)}
-    scene |= {f"around{k}": _emitting(mi, surface) for k, surface in enumerate(around)}
     alone, scene = mi.load_dict(alone), mi.load_dict(scene)
     tracer = mi.load_dict({"type": "path", "max_depth": MAX_DEPTH})
     pixels = camera.size**2
@@ -183,8 +171,7 @@ def trace_mesh(
         sampler.set_samples_per_wavefront(each)
         sampler.seed(start + paths * seed, len(seen) * each)
         rays = direction.reshape(each, pixels, 3).transpose(1, 0, 2)[seen].reshape(-1, 3)
-        near = np.where(hit, BEFORE * distance, 0.0)[seen].reshape(-1, 1)  # nothing around is in the picture
-        color, _, _ = tracer.sample(scene, sampler, _mi_rays(mi, camera.position + near * rays, rays))
+        color, _, _ = tracer.sample(scene, sampler, _mi_rays(mi, camera.position, rays))
         color = np.nan_to_num(np.array(color).T).reshape(len(seen), each, 3) * hit[seen][..., None]
         total[seen] += color.sum(axis=1)
         count[seen] += hit[seen].sum(axis=1)
@@ -192,22 +179,6 @@ def trace_mesh(
     picture[:, :3] = total / np.maximum(count, 1)[:, None]
     picture[:, 3] = count / paths
     return picture.reshape(camera.size, camera.size, 4)
-
-
-def trace_among(
-    mesh: Mesh,
-    camera: Camera,
-    radiance: np.ndarray,
-    material: Material,
-    arounds: Sequence[Sequence[ShownSurface]],
-    num_paths: int = NUM_PATHS,
-) -> np.ndarray:
-    """Return the mean picture [S, S, 4] of trace_mesh over equally likely surroundings, which share the paths."""
-    each = max(1, num_paths // len(arounds))
-    total = np.zeros((camera.size, camera.size, 4), np.float32)
-    for seed, around in enumerate(arounds):
-        total += trace_mesh(mesh, camera, radiance, material, around, each, seed)
-    return total / len(arounds)
 
 
 def _square_count(most: int) -> int:
@@ -264,28 +235,5 @@ def _environment(mi, radiance: np.ndarray) -> dict:
     """Convert a map [H, 2H, 3], exactly."""
     bitmap = mi.Bitmap(np.ascontiguousarray(pole_to_pole(radiance), np.float32))
     to_world = np.eye(4)
-    to_world[:3, :3] = TURN
+    to_world[:3, :3] = TO_OURS
     return {"type": "envmap", "bitmap": bitmap, "to_world": mi.ScalarTransform4f(to_world)}
-
-
-def _emitting(mi, surface: ShownSurface):
-    """Convert a surface; paths find it by their own reflection, as it is large and smooth."""
-    rows, columns = (count - 1 for count in surface.points.shape[:2])
-    properties = mi.Properties()
-    bitmap = mi.Bitmap(np.ascontiguousarray(surface.radiance, np.float32))
-    radiance = {"type": "bitmap", "bitmap": bitmap, "raw": True}
-    properties["emitter"] = mi.load_dict({"type": "area", "radiance": radiance, "sampling_weight": 0.0})
-    properties["bsdf"] = mi.load_dict({"type": "diffuse", "reflectance": {"type": "rgb", "value": 0.0}})
-    count = surface.points.shape[0] * surface.points.shape[1]
-    made = mi.Mesh("around", count, 2 * rows * columns, has_vertex_texcoords=True, props=properties)
-    texels = surface.radiance.shape[0]
-    v = (0.5 + np.linspace(0, texels - 1, rows + 1)) / texels
-    uv = np.stack(np.meshgrid(np.linspace(0, 1, columns + 1), v), axis=-1)
-    a = (np.arange(rows)[:, None] * (columns + 1) + np.arange(columns)).ravel()
-    b, c, d = a + 1, a + columns + 2, a + columns + 1
-    parameters = mi.traverse(made)
-    parameters["vertex_positions"] = surface.points.astype(np.float32).ravel()
-    parameters["vertex_texcoords"] = uv.astype(np.float32).ravel()
-    parameters["faces"] = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)]).astype(np.uint32).ravel()
-    parameters.update()
-    return made
