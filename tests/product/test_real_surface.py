@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
+from support.refused import refused
 
 from anyprobe.estimate.ground import contact_of
-from anyprobe.estimate.photo import load_photo
+from anyprobe.estimate.photo import Photo, load_photo
+from anyprobe.relight.insert import Arrangement, Stage
 from anyprobe.relight.real_surface import STANDS, RealSurface
+from anyprobe.render.shapes import sphere
 
 
-def surface_of(under: tuple[float, float, float] | None, shadow: float = 1.0) -> RealSurface:
+def photo_of(under: tuple[float, float, float] | None, shadow: float = 1.0) -> Photo:
     """A ball before a floor; under: colour of a post below it. shadow: the floor's brightness there, soft."""
     height, width = 192, 256
     y, x = np.mgrid[:height, :width]
@@ -21,7 +24,11 @@ def surface_of(under: tuple[float, float, float] | None, shadow: float = 1.0) ->
         picture[(abs(x - 128) < 14) & (y > 100)] = under
     mask = ((x - 128) ** 2 + (y - 95) ** 2 < 38**2).astype(np.float32)
     picture[mask > 0] = (0.3, 0.5, 0.7)
-    photo = load_photo(np.round(255 * picture.clip(0, 1)).astype(np.uint8), mask=mask)
+    return load_photo(np.round(255 * picture.clip(0, 1)).astype(np.uint8), mask=mask)
+
+
+def surface_of(under: tuple[float, float, float] | None, shadow: float = 1.0) -> RealSurface:
+    photo = photo_of(under, shadow)
     return RealSurface(photo, contact_of(photo.mask))
 
 
@@ -47,3 +54,11 @@ def test_a_floor_ends_where_another_colour_begins_without_an_edge():
 def test_an_object_on_a_post_does_not_stand_on_the_floor_behind_it():
     assert surface_of((0.05, 0.05, 0.06)).narrow
     assert surface_of((0.2, 0.35, 0.6)).narrow
+
+
+def test_nothing_is_put_beside_an_object_on_a_post_unless_a_place_is_given():
+    photo = photo_of((0.05, 0.05, 0.06))
+    with refused("at"):
+        Stage(photo, sphere(24))
+    assert Stage(photo, sphere(24), Arrangement(at=(200, 150))).placement.side == "asked"
+    assert Stage(photo_of(None), sphere(24)).placement.side == "beside"

@@ -3,11 +3,14 @@
 On the side with more room, also under overhangs; on the other if only that holds it; smaller if neither does.
 Where it would become too small, nearer to the camera if it covers nothing there; else beside and smaller still; else
 behind the real one, which then occludes part of it. web/page/view/placement.js does the same.
+
+Of that spot and of nearer, smaller ones beside, the one is taken whose size times the share of its foot on the surface
+under the real object is greatest; a foot with less than STANDS of it there would seem to float, and is refused.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
@@ -39,8 +42,7 @@ LEAST_HEIGHT = 1e-3
 """Smallest height of a virtual object, in its widths: sizes are given by height."""
 
 NEARER_SHARES = (1.0, 0.75, 0.55, 0.4)
-"""Shares of the fitting size, tried in turn where the surface under the real object ends: smaller objects stand
-nearer."""
+"""Shares of the fitting size that are tried on both sides: smaller objects stand nearer."""
 
 TRIES, LEAST_STEP, CLOSE_PX = 24, 0.5, 0.5
 """Number of fitting steps, smallest factor of one step, and pixels that do not matter."""
@@ -65,7 +67,6 @@ class Placement:
     mesh: in the camera's frame. foot: [3] point of the ground below its middle. radius: of the
     smallest sphere around it. pitch_deg: camera's, downwards. share: its size over the requested one.
     side: in front of or behind the real object for want of room beside; behind, it is partly occluded.
-    stands: whether the photo shows the same surface there as under the real object.
     """
 
     mesh: Mesh
@@ -74,7 +75,6 @@ class Placement:
     pitch_deg: float
     share: float = 1.0
     side: Side = Side.asked
-    stands: bool = True
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -107,7 +107,8 @@ def place_beside(
             object, the lowest visible points of both on one row, and is made smaller until it fits.
         turn_deg: about its vertical axis.
     Raises:
-        InputError: no ground is visible at that pixel, or the mesh is flat.
+        InputError: no ground is visible at that pixel, the surface under the real object does not go on beside it, or
+            the mesh is flat.
     """
     check_height(mesh)
     box, (x, row) = object_box(photo.mask), contact_of(photo.mask)
@@ -131,14 +132,28 @@ def place_beside(
         return (*pixels.min(axis=0), *pixels.max(axis=0))
 
     back = (box[2] - box[0]) / 2 / view.focal * depth + min(height, height / size) / 2
-    spot, side = find_spot(
-        view, Outline(photo.mask), row, view.row_at_depth(depth + back), min(1.0, 1 / size), extent_at
-    )
-    spot, side, stands = _on_surface(
-        view, Outline(photo.mask), RealSurface(photo, (x, row)), row, spot, side, extent_at
-    )
+    outline, surface = Outline(photo.mask), RealSurface(photo, (x, row))
+    if surface.narrow:
+        raise _no_place("something narrow")
+    fitting, side = find_spot(view, outline, row, view.row_at_depth(depth + back), min(1.0, 1 / size), extent_at)
+    spots = [(fitting, side), *_nearer(view, outline, row, fitting.share, extent_at)]
+
+    def score(spot: Spot, side: Side) -> float:
+        left, _, right, _ = extent_at(spot)
+        support = 1.0 if side == Side.behind else surface.support(spot.x, spot.y, right - left)
+        return spot.share * support if support >= STANDS else 0.0
+
+    scores = [score(*one) for one in spots]
+    if not max(scores) > 0:
+        raise _no_place("a surface that ends there")
+    spot, side = spots[int(np.argmax(scores))]
     placed = _standing(unit, upright, _foot(view, spot), height * spot.share, pitch_deg)
-    return replace(placed, share=spot.share, side=side, stands=stands)
+    return replace(placed, share=spot.share, side=side)
+
+
+def _no_place(found: str) -> InputError:
+    text = f"expected the surface under the object to go on beside it, got {found}; point to where it shall stand"
+    return InputError(text, subject="at")
 
 
 def check_foot(at: tuple[float, float] | None, height: int, width: int) -> None:
@@ -209,37 +224,14 @@ def find_spot(
     return _fit(far, bounds, view.farthest_row, extent_at), Side.behind
 
 
-def _on_surface(
-    view: View, outline: Outline, surface: RealSurface, row: float, spot: Spot, side: Side, extent_at: Extent
-) -> tuple[Spot, Side, bool]:
-    """Return the spot if it is on the surface under the real object, else a nearer and smaller one that is.
-
-    Returns:
-        The spot, its side, and whether it is on that surface. The spot stays unchanged where none is, as where the real
-        object stands on something narrow.
-    """
-
-    def support(place: Spot) -> float:
-        left, _, right, _ = extent_at(place)
-        return surface.support(place.x, place.y, right - left)
-
-    if surface.narrow or support(spot) >= STANDS or side == Side.behind:
-        return spot, side, support(spot) >= STANDS and not surface.narrow
+def _nearer(view: View, outline: Outline, row: float, share: float, extent_at: Extent) -> Iterator[tuple[Spot, Side]]:
+    """Yield spots of NEARER_SHARES of a share on both sides of an outline."""
     edge = _MARGIN * view.width
     bounds = edge, edge, view.width - edge, view.height - edge
-    left, _, right, _ = outline.box
-    best, best_support = spot, support(spot)
-    for share in NEARER_SHARES:
-        for x, sign in ((right, 1), (left, -1)):
-            tried = _fit(
-                Spot(x=x, y=row, share=min(share, spot.share)), bounds, view.farthest_row, extent_at, outline, sign
-            )
-            found = support(tried)
-            if tried.share >= LEAST_SHARE * share and found > best_support + 1e-6:
-                best, best_support = tried, found
-        if best_support >= STANDS:
-            return best, Side.beside, True
-    return spot, side, False
+    for x, sign in ((outline.box[2], 1), (outline.box[0], -1)):
+        for smaller in NEARER_SHARES:
+            spot = Spot(x=x, y=row, share=share * smaller)
+            yield _fit(spot, bounds, view.farthest_row, extent_at, outline, sign), Side.beside
 
 
 def _fit(
