@@ -5,6 +5,7 @@ export const said = (level, given = {}) => ({
   errors: [20, 0.5, 5],
   posture: [20, 0, 5],
   soft: [0],
+  outdoors: [0.5],
   background: [0, 0],
   well_exposed: [1],
   object_material: [0, 0.5, 0.5, 0.5, 0.5],
