@@ -27,7 +27,7 @@ def failing(monkeypatch, photo_path, networks_opened_once):
         def raises(*_, **__):
             raise error
 
-        monkeypatch.setattr(Estimator, "from_photo", raises)
+        monkeypatch.setattr(Estimator, "from_extract", raises)
 
     return fail
 
@@ -37,7 +37,7 @@ def failing(monkeypatch, photo_path, networks_opened_once):
     [
         (MemoryError(), 2, "memory"),
         (OSError(errno.EMFILE, "Too many open files"), 2, "Too many open files"),
-        (TypeError("open() got an\nunexpected keyword"), 1, "TypeError at estimate.py"),
+        (TypeError("open() got an\nunexpected keyword"), 1, "TypeError at session.py"),
         (RecursionError("maximum recursion depth exceeded"), 1, "RecursionError"),
         (AssertionError(), 1, "no message"),
     ],
