@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from support.mesh_files import ply
 
+pytest.importorskip("numba", reason="needs ./train[torch]")
+
 from anyprobe.maps.radiance import write_exr
 from anyprobe.render.mesh import make_mesh
 from anyprobe.render.shapes import sphere
