@@ -7,7 +7,8 @@ import { readFileSync, writeFileSync } from "node:fs";
 import { fileURLToPath } from "node:url";
 
 const at = (path) => fileURLToPath(new URL(path, import.meta.url));
-const HEAD = "/** The numbers that Python and JavaScript share; in the npm package they stand in this file, by build/contract.js. */\n\n";
+const HEAD =
+  "/** The numbers that Python and JavaScript share; build/contract.js writes them into this file of the npm package. */\n\n";
 const FROM = "../../../src/anyprobe/contract.json"; // of src/core
 
 const text =
