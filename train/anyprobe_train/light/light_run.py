@@ -49,11 +49,11 @@ class LightRunConfig:
     """
 
     name: str = "light"
-    steps: int = 60_000
-    batch: int = 64
-    learning_rate: float = 1.5e-3
+    steps: int = 120_000
+    batch: int = 32
+    learning_rate: float = 1e-3
     weight_decay: float = 1e-2
-    warmup: int = 200
+    warmup: int = 400
     cooldown: float = 0.6
     averaged: float = 0.999
     most_gradient: float = 1.0

@@ -104,9 +104,9 @@ class World:
 
     maps: Maps
     views: Views
-    batch: int = 64
+    batch: int = 32
     first: int = 32
-    every: int = 8
+    every: int = 16
     most: int = 420
 
     @classmethod

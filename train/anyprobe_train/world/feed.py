@@ -22,8 +22,8 @@ from anyprobe_train.world.batch import LightBatch, World, make_batch
 
 SEEN = 4
 """Rounds in which each photo is seen, and groups in memory."""
-GROUP = 4
-"""Fresh batches in a group; of 64 photos each they take 45 MB."""
+GROUP = 8
+"""Fresh batches in a group; of 32 photos each they take 45 MB."""
 
 _WORLD: list[World] = []
 
