@@ -49,8 +49,9 @@ class Kept:
 
 def keep_object(mask: np.ndarray) -> Kept:
     """Return the largest part of a mask [H, W] in [0, 1], not empty above one half, and the parts that belong to it."""
-    inside = mask > 0.5
-    radius = max(1, round(THIN * float(np.sqrt(inside.sum()))))
+    radius = max(1, round(THIN * float(np.sqrt((mask > 0.5).sum()))))
+    window = _window(mask > 0.5, radius + SOFT_PX)
+    inside = mask[window] > 0.5
     body = grow(~grow(~np.pad(inside, radius), radius)[radius:-radius, radius:-radius], 2 * radius) & inside
     if 2 * body.sum() < inside.sum():
         body = inside  # a drawing of lines
@@ -71,15 +72,17 @@ def keep_object(mask: np.ndarray) -> Kept:
     ends = _boxes(threads, len(lengths))
     belongs |= np.isin(threads, [one for one in touching if _overhang(ends[one], box) <= reach])
     large = int((sizes >= LARGE * sizes[largest]).sum())
-    return Kept(_without(mask, inside & ~belongs, belongs), large, _is_outline(belongs, radius))
+    if (dropped := inside & ~belongs).any():
+        mask = mask.copy()
+        mask[window][dropped | grow(dropped, SOFT_PX) & ~grow(belongs, SOFT_PX)] = 0.0
+    return Kept(mask, large, _is_outline(belongs, radius))
 
 
-def _without(mask: np.ndarray, dropped: np.ndarray, belongs: np.ndarray) -> np.ndarray:
-    """Set the dropped pixels of a mask and their soft edge to zero."""
-    if not dropped.any():
-        return mask
-    edge = grow(dropped, SOFT_PX) & ~grow(belongs, SOFT_PX)
-    return np.where(dropped | edge, 0.0, mask).astype(np.float32)
+def _window(inside: np.ndarray, margin: int) -> tuple[slice, slice]:
+    """Return the rows and columns of the box of a mask, and a margin [px]."""
+    ends = [np.flatnonzero(inside.any(axis=axis))[[0, -1]] for axis in (1, 0)]
+    rows, columns = (slice(max(first - margin, 0), last + 1 + margin) for first, last in ends)
+    return rows, columns
 
 
 def _is_outline(belongs: np.ndarray, radius: int) -> bool:
