@@ -67,6 +67,17 @@ def draw_beside(_: np.ndarray, folder: Path) -> np.ndarray:
     return np.vstack([np.hstack([np.where(mask, response(sphere), 1.0) for sphere in row]) for row in rows])
 
 
+def draw_gltf(radiance: np.ndarray, folder: Path) -> np.ndarray:
+    """Babylon.js with the exported .glb."""
+    from support.browser import FOLDER, NODE_MODULES, run_steps, serve
+
+    path = _exported(radiance, "gltf", folder, ".glb")
+    modules = Path(os.environ.get("ANYPROBE_BABYLON", NODE_MODULES))
+    with serve({"/": FOLDER, "/export/": folder, "/node_modules/": modules}) as url:
+        rgb = run_steps("babylon_balls.mjs", url, {"file": path.name, "size": SIZE}, timeout_s=400)
+    return response(np.reshape(np.array(rgb, np.float32), (SIZE[1], SIZE[0], 3)))
+
+
 def draw_in_browser(target: str) -> Callable[[np.ndarray, Path], np.ndarray]:
     """three.js with the exported files; probe shows nine SH numbers and the sun."""
 
@@ -87,7 +98,8 @@ DRAW = {
     "blender": draw_blender,
     "blender_beside": draw_beside,
     "usd": draw_usd,
-    **{target: draw_in_browser(target) for target in ("three", "probe")},
+    "gltf": draw_gltf,
+    **{target: draw_in_browser(target) for target in ("three", "probe", "cube", "ktx2")},
 }
 
 

@@ -1,5 +1,5 @@
 // Three balls before the map, lit by an exported target: linear RGB, row by row from the top.
-// arguments: { target: "three" | "probe", name, size: [width, height] }
+// arguments: { target: "three" | "probe" | "cube" | "ktx2", name, size: [width, height] }
 
 export default async ({ page, url, arguments: given }) => {
   await page.goto(`${url}three_scenes.html`);
@@ -15,8 +15,16 @@ export default async ({ page, url, arguments: given }) => {
       ball.position.x = 2.3 * (i - 1);
       scene.add(ball);
     });
-    const { lightScene } = await import(`/export/${name}_three.js`);
-    await lightScene(scene, { probe: target === "probe" });
+    if (target === "three" || target === "probe") {
+      const { lightScene } = await import(`/export/${name}_three.js`);
+      await lightScene(scene, { probe: target === "probe" });
+    } else if (target === "cube") {
+      const { HDRCubeTextureLoader } = await import("three/addons/loaders/HDRCubeTextureLoader.js");
+      const files = ["px", "nx", "py", "ny", "pz", "nz"].map((face) => `/export/${name}_cube_${face}.hdr`);
+      scene.background = scene.environment = await new Promise((done, fail) => new HDRCubeTextureLoader().load(files, done, undefined, fail));
+    } else {
+      scene.background = scene.environment = await (await import(`/export/${name}_${target}.js`)).loadCube(renderer);
+    }
     const camera = new THREE.PerspectiveCamera(26, width / height, 0.1, 100);
     camera.position.z = 9;
     const picture = new THREE.WebGLRenderTarget(width, height, { type: THREE.FloatType, samples: 4 });

@@ -61,7 +61,7 @@ def test_a_name_beyond_the_first_plane_is_found_again(tmp_path, monkeypatch):
     stem = 'sun\N{SUNRISE} "é"'
     script = next(p for p in export(map_like(0.5), "blender", tmp_path, stem) if p.suffix == ".py")
     assert runpy.run_path(str(script))["NAME"] == f"{stem}_blender"
-    for target, suffix in (("three", ".js"), ("three", ".html")):
+    for target, suffix in (("three", ".js"), ("three", ".html"), ("ktx2", ".js")):
         paths = export(map_like(0.5), target, tmp_path, stem)
         text = next(p for p in paths if p.suffix == suffix).read_text(encoding="utf-8")
         assert f'NAME = "sun\N{SUNRISE} \\"é\\"_{target}";' in text

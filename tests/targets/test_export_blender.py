@@ -86,6 +86,19 @@ def test_world_is_turned_or_the_sun_counts_twice(target, python, tmp_path):
         np.testing.assert_allclose(found["lit"], irradiance(radiance) / np.pi, rtol=0.06, atol=0.01)
 
 
+def test_gltf_sources_have_another_strength(python, tmp_path):
+    """Imported with the Lighting Mode that docs/how-to/export.md names."""
+    radiance, answer = light_of(), tmp_path / "answer.json"
+    path = next(p for p in export(radiance, "gltf", tmp_path, "two phase") if p.suffix == ".glb")
+    run(python, "blender_gltf_lights.py", path, "COMPAT", answer)
+    found, (sources, _) = json.loads(answer.read_text()), split_sources(radiance)
+    assert found["mode"] == "Unitless"
+    assert len(sources) == len(found["suns"]) == 2
+    for sun, source in zip(found["suns"], sources, strict=True):
+        np.testing.assert_allclose(sun["towards"], BLENDER @ source.direction, atol=1e-3)
+        np.testing.assert_allclose(np.multiply(sun["color"], sun["energy"]), source.irradiance, rtol=1e-3)
+
+
 def test_spheres_look_otherwise_than_our_own_renderer_draws_them(python, tmp_path):
     """The script opened in Blender's text editor, as docs/how-to/export.md says.
 

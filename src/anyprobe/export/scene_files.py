@@ -1,4 +1,9 @@
-"""Scene files: USD and Mitsuba 3.
+"""Scene files: glTF, USD and Mitsuba 3.
+
+glTF: one .glb without meshes, only light: EXT_lights_image_based and KHR_lights_punctual. The extension takes
+a cube of six PNGs a mip, packed as RGBD and filtered by GGX, rougher from mip to mip; and nine SH
+coefficients of irradiance. Its text leaves the cube's axes, the signs of the SH and RGBD's curve open: all three follow
+the defaults of Babylon.js, its only reader.
 
 USD: a .usda with a DomeLight and a DistantLight for each source, two .exr maps, and all of it as one .usdz, written as
 text so that nothing needs to be installed. Mitsuba 3: the map as an .exr and a scene.xml with three spheres under it.
@@ -14,13 +19,130 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
+from anyprobe.core.sampling import hammersley
+from anyprobe.export.cube_textures import C_FROM_OURS, clipped_share, cube_faces, face_directions, face_size
 from anyprobe.export.exported_light import EXPORT_SCALE, ExportedLight, numbers, read_template, write_maps
-from anyprobe.export.target_frames import OPENEXR
+from anyprobe.export.target_frames import OPENEXR, gltf
+from anyprobe.files.meshes import glb_file
+from anyprobe.light.environment import reduced
 from anyprobe.light.light_sources import LightSource
+from anyprobe.light.octahedral import build_pyramid
 from anyprobe.maps.exr import write_channels
+from anyprobe.pictures.images import png_bytes
+from anyprobe.render.integrate import NUM_EMITTERS, shade_specular
+from anyprobe.render.picture import LIGHT_ROWS
 
 if TYPE_CHECKING:
-    from jaxtyping import Float
+    from jaxtyping import Float, UInt8
+
+RGBD_MAX = 255.0
+"""Largest value that RGBD holds: colour 1 over alpha 1 / 255."""
+
+GAMMA = 2.2
+"""Exponent of RGBD's colour."""
+
+SMALLEST_SIDE = 16
+"""Side [px] of the last mip, which holds roughness 1."""
+
+LARGEST_SIDE = 256
+"""Largest side [px] of the first mip, as fine as a map of 512 rows: filtering larger ones takes many minutes."""
+
+NUM_SAMPLES = 256
+
+
+def pack_rgbd(values: Float[np.ndarray, "... 3"]) -> UInt8[np.ndarray, "... 4"]:
+    """Convert linear [..., 3] to RGBD [..., 4] uint8: value = (rgb / 255)^2.2 / (a / 255), clamped at 255."""
+    values = np.minimum(values, RGBD_MAX)
+    largest = np.maximum(values.max(axis=-1), 1e-6)
+    alpha = np.floor(np.clip(RGBD_MAX / largest, 1.0, 255.0))
+    rgb = np.clip(values * alpha[..., None] / 255.0, 0.0, 1.0) ** (1 / GAMMA)
+    return np.concatenate([np.round(rgb * 255.0), alpha[..., None]], axis=-1).astype(np.uint8)
+
+
+def prefiltered(radiance: Float[np.ndarray, "H 2*H 3"], size: int) -> list[np.ndarray]:
+    """Filter a map into mips [6, S, S, 3] from size down to 16, roughness 0 to 1 in even steps.
+
+    Each texel is the mean of L over GGX half vectors about its direction, seen from there (n = wo). The
+    faces are those of our other cubes, the last row first.
+    """
+    count = max(1, size.bit_length() - SMALLEST_SIDE.bit_length() + 1)
+    levels = [cube_faces(radiance, size)[:, ::-1]]
+    light = reduced(radiance, LIGHT_ROWS)  # a larger map would be read at points, and a sun between them lost
+    pyramid, u = build_pyramid(light, emitters=NUM_EMITTERS), hammersley(NUM_SAMPLES)
+    for i in range(1, count):
+        roughness = i / (count - 1)
+        side = size >> i
+        n = (face_directions(side) * C_FROM_OURS)[:, ::-1].reshape(-1, 3).astype(np.float32)
+        blurred = [shade_specular(pyramid, part, part, roughness**2, u)[0] for part in np.array_split(n, 24)]
+        levels.append(np.concatenate(blurred).reshape(6, side, side, 3))
+    return levels
+
+
+def write_gltf(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
+    """Write <name>.glb: the light without its sources as an image-based light, the sources as directional ones."""
+    levels = prefiltered(light.ambient, min(face_size(light.radiance.shape[0]), LARGEST_SIDE))
+    pictures = [png_bytes(pack_rgbd(face), optimize=True) for level in levels for face in level]
+    views, blob = [], bytearray()
+    for picture in pictures:
+        views.append({"buffer": 0, "byteOffset": len(blob), "byteLength": len(picture)})
+        blob += picture + b"\0" * (-len(picture) % 4)
+    document: dict[str, Any] = {
+        "asset": {"version": "2.0", "generator": "anyprobe"},
+        "extensionsUsed": ["EXT_lights_image_based", *(["KHR_lights_punctual"] if light.lights else [])],
+        "buffers": [{"byteLength": len(blob)}],
+        "bufferViews": views,
+        "images": [{"bufferView": i, "mimeType": "image/png"} for i in range(len(views))],
+        "extensions": {
+            "EXT_lights_image_based": {
+                "lights": [
+                    {
+                        "name": light.name,
+                        "intensity": 1.0,  # readers take a missing value as 0
+                        "rotation": [0.0, 0.0, 0.0, 1.0],
+                        "irradianceCoefficients": numbers(gltf(light.sh_ambient)),
+                        "specularImageSize": levels[0].shape[1],
+                        "specularImages": np.arange(len(views)).reshape(-1, 6).tolist(),
+                    }
+                ]
+            }
+        },
+        "scenes": [{"extensions": {"EXT_lights_image_based": {"light": 0}}}],
+        "scene": 0,
+    }
+    if light.lights:
+        document["extensions"]["KHR_lights_punctual"] = {
+            "lights": [
+                {
+                    "type": "directional",
+                    "name": f"{light.name} source {number}",
+                    "color": numbers(source.color),
+                    "intensity": numbers(source.irradiance.max()),
+                    "extras": {"angle_deg": round(2 * source.radius_deg, 3)},  # the extension has no sizes
+                }
+                for number, source in enumerate(light.lights, 1)
+            ]
+        }
+        document["nodes"] = [
+            {
+                "name": f"source {number}",
+                "matrix": [value for row in pointing_away(source.direction) for value in row],
+                "extensions": {"KHR_lights_punctual": {"light": number - 1}},
+            }
+            for number, source in enumerate(light.lights, 1)
+        ]
+        document["scenes"][0]["nodes"] = list(range(len(light.lights)))
+    (folder / f"{light.name}.glb").write_bytes(glb_file(document, bytes(blob)))
+    return {
+        "clipped_energy": clipped_share(levels[0], RGBD_MAX),
+        "gltf": {
+            "size": levels[0].shape[1],
+            "mips": len(levels),
+            "encoding": "RGBD, gamma 2.2",
+            "faces": "asked for (-x, y, z), the last row first",
+            "babylon": "set scene.environmentTexture.gammaSpace = false; left-handed scenes, its default",
+        },
+    }
+
 
 USDZ_ALIGNMENT = 64
 """Alignment [bytes] of every file in a .usdz; files are stored uncompressed."""

@@ -31,6 +31,9 @@ if TYPE_CHECKING:
 ODD_IN_Z = (2, 5, 7)
 """Indices of z, yz and xz: they change sign with z."""
 
+ODD_IN_Y = (1, 4, 5)
+"""Indices of y, xy and yz."""
+
 
 def webxr(coefficients: Float[np.ndarray, "9 3"]) -> Float[np.ndarray, " 27"]:
     """Flatten radiance coefficients, coefficient after coefficient: [9, 3] -> [27] r0 g0 b0 r1 ...
@@ -38,6 +41,21 @@ def webxr(coefficients: Float[np.ndarray, "9 3"]) -> Float[np.ndarray, " 27"]:
     XRLightEstimate.sphericalHarmonicsCoefficients and three.js LightProbe.sh.fromArray.
     """
     return coefficients.reshape(27)
+
+
+def irradiance_sh(coefficients: Float[np.ndarray, "9 3"]) -> Float[np.ndarray, "9 3"]:
+    """Compute A_l L_i [9, 3]: E(n) = sum of these times Y_i(n)."""
+    return coefficients * COSINE_LOBE[:, None]
+
+
+def gltf(coefficients: Float[np.ndarray, "9 3"]) -> Float[np.ndarray, "9 3"]:
+    """Compute irradiance_sh() with the signs of EXT_lights_image_based as Babylon.js reads them, [9, 3].
+
+    It expects (-x, y, z) with the signs of Condon and Shortley, which is ours with y negated.
+    """
+    turned = irradiance_sh(coefficients)
+    turned[list(ODD_IN_Y)] *= -1
+    return turned
 
 
 def polynomial(coefficients: Float[np.ndarray, "9 3"]) -> Float[np.ndarray, "9 3"]:

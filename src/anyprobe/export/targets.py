@@ -14,7 +14,7 @@ import numpy as np
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.core.spelling import did_you_mean
 from anyprobe.errors import InputError
-from anyprobe.export import scene_files
+from anyprobe.export import cube_textures, scene_files
 from anyprobe.export.exported_light import (
     ExportedLight,
     numbers,
@@ -176,12 +176,13 @@ class Target:
     sources: bool = False
 
 
+_THREE = "three.js r187 in Chromium shows it the right way round"
+
 TARGETS = {
     "three": Target(
         write=write_three,
         frame=THREE,
-        checked="three.js r187 in Chromium shows it the right way round: "
-        "background, environment, LightProbe and suns agree",
+        checked=f"{_THREE}: background, environment, LightProbe and suns agree",
         sources=True,
     ),
     "blender": Target(
@@ -198,11 +199,19 @@ TARGETS = {
     "mitsuba": Target(
         write=scene_files.write_mitsuba, frame=OPENEXR, checked="Mitsuba 3.9.1 sees and lights by it as it is"
     ),
+    "gltf": Target(
+        write=scene_files.write_gltf,
+        frame=FRONT,
+        checked="Babylon.js 9.34 shows it as it is, set as `gltf` says",
+        sources=True,
+    ),
     "ultrahdr": Target(
         write=write_jpeg,
         frame=THREE,
         checked="by the format, three.js's source (UltraHDRLoader) and our own reader; not run in a browser",
     ),
+    "cube": Target(write=cube_textures.write_faces, frame=FRONT, checked=f"{_THREE} (HDRCubeTextureLoader)"),
+    "ktx2": Target(write=cube_textures.write_ktx2, frame=FRONT, checked=f"{_THREE} (KTX2Loader)"),
     "webxr": Target(write=write_webxr, frame=FRONT, checked="by the specification only: not run in a WebXR session"),
 }
 

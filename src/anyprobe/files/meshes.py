@@ -8,7 +8,10 @@ from __future__ import annotations
 import io
 import json
 import re
+import struct
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -173,3 +176,14 @@ def _check_glb(data: bytes) -> None:
     declared = sum(int(accessor["count"]) for accessor in scene.get("accessors", ()))
     if not 0 <= declared <= len(data):  # each takes at least a byte
         raise ValueError("more numbers than bytes")
+
+
+def glb_file(document: Mapping[str, Any], body: bytes) -> bytes:
+    """Build a .glb: header, JSON chunk padded with spaces, binary chunk (glTF 2.0 specification, 4.4).
+
+    body: its length is a multiple of 4.
+    """
+    text = json.dumps(document, separators=(",", ":")).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(body), b"BIN\0") + body
+    return struct.pack("<4s2I", b"glTF", 2, 12 + len(chunks)) + chunks

@@ -17,7 +17,7 @@ MAX_PHOTOS = 16
 """Largest number of photos in one request."""
 
 MAX_MAP_ROWS = 512
-"""Largest map that is exported [rows]: ours have 64 rows."""
+"""Largest map that is exported [rows]: a cube of it takes 5 seconds; ours have 64 rows."""
 
 MAX_SENT_SIDECAR_BYTES = 16 * 2**20
 """Largest .json of a map that is exported [bytes]; ours have one with radiance, stages and mask."""

@@ -9,13 +9,12 @@ from __future__ import annotations
 
 import base64
 import json
-import struct
 import urllib.parse
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from anyprobe.errors import InvalidMesh
+from anyprobe.files.meshes import glb_file
 from anyprobe.render.mesh import MAX_FACES
 
 HARMLESS = ("KHR_materials_", "KHR_texture_", "EXT_texture_", "MSFT_texture_", "KHR_lights_")
@@ -116,17 +115,6 @@ def _pack(document: dict, buffers: Mapping[str, bytes]) -> bytes:
         "buffers": [{"byteLength": len(body)}],
     }
     return glb_file(packed, bytes(body))
-
-
-def glb_file(document: Mapping[str, Any], body: bytes) -> bytes:
-    """Build a .glb: header, JSON chunk padded with spaces, binary chunk (glTF 2.0 specification, 4.4).
-
-    body: its length is a multiple of 4.
-    """
-    text = json.dumps(document, separators=(",", ":")).encode()
-    text += b" " * (-len(text) % 4)
-    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(body), b"BIN\0") + body
-    return struct.pack("<4s2I", b"glTF", 2, 12 + len(chunks)) + chunks
 
 
 def _buffer(buffer: dict, buffers: Mapping[str, bytes]) -> bytes:

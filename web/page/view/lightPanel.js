@@ -12,7 +12,10 @@ const TITLES = {
   three: "three.js",
   webxr: "WebXR",
   usd: "USD",
+  gltf: "glTF",
   ultrahdr: "Ultra HDR",
+  cube: "cube map",
+  ktx2: "KTX2",
 };
 
 const AS_SHOWN = "The map as it is shown above, with its exposure or false colour; radiance is in .exr and .hdr";
