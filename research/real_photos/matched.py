@@ -28,8 +28,7 @@ from anyprobe.inputs.settings import DEFAULT_MODEL
 from anyprobe.light.environment import reduced
 from anyprobe.maps.radiance import read_radiance
 from anyprobe.match.kind import log_odds
-from anyprobe.match.library import Library
-from anyprobe.match.library_folder import open_library
+from anyprobe.match.library import Library, open_library
 from anyprobe.match.ranking import MatchedMap
 from anyprobe.match.shading import shading_apart
 from anyprobe.render.spheres import sphere_images

@@ -14,7 +14,7 @@ from anyprobe.files.paths import home_folder, is_there
 from anyprobe.maps.radiance import write_exr
 from anyprobe.masks import networks, weights
 from anyprobe.masks.weights import find_weights, weight_folders
-from anyprobe.match.library_folder import open_library
+from anyprobe.match.library import open_library
 
 pwd = pytest.importorskip("pwd", reason="needs POSIX")
 

@@ -24,7 +24,7 @@ from anyprobe.light.filtering import blur_cosine_power, irradiance_map
 from anyprobe.maps.radiance import read_radiance, write_exr
 from anyprobe.match import ranking
 from anyprobe.match.background import background_of
-from anyprobe.match.library_folder import open_library
+from anyprobe.match.library import open_library
 from anyprobe.match.likeness import MATCH_ROWS, Shown, best_places, gain_of, light_of, schlick_coat
 from anyprobe.match.shading import shading_apart
 

@@ -17,7 +17,7 @@ from anyprobe.estimate.photo import load_photo
 from anyprobe.files.meshes import read_mesh
 from anyprobe.maps.radiance import write_exr
 from anyprobe.masks.depth import depth_of_view
-from anyprobe.match.library_folder import open_library
+from anyprobe.match.library import open_library
 from anyprobe.pictures.headers import jxl_size
 from anyprobe.pictures.images import read_image
 

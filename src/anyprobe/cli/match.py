@@ -53,7 +53,7 @@ def match(
     from anyprobe.estimate.sheet import draw_matches
     from anyprobe.export.targets import write_export
     from anyprobe.files.atomic import atomic_files
-    from anyprobe.match.library_folder import open_library
+    from anyprobe.match.library import open_library
     from anyprobe.pictures.images import write_png
 
     if folder is None:

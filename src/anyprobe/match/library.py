@@ -1,47 +1,28 @@
-"""The library of `match`: a few numbers of each map of a folder, in one file."""
+"""The library of `match`: a few numbers of each map of a folder, which the user's cache keeps until the map changes."""
 
 from __future__ import annotations
 
-import io
-import json
+import hashlib
+import os
 import zipfile
-from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
-from typing import Any, NamedTuple
 
 import numpy as np
 
-from anyprobe.errors import InputError
+from anyprobe.errors import AnyprobeError, InputError, OutputError
 from anyprobe.files.atomic import atomic_path
+from anyprobe.files.paths import home_folder, natural_order
+from anyprobe.maps.radiance import read_radiance
 from anyprobe.match.likeness import MATCH_ROWS, light_of
 
-_VERSION = 4
-"""Version of a stored library; others are rebuilt."""
-
-
-class Entry(NamedTuple):
-    """A map of a library: light and level, see likeness.light_of; digest of its file."""
-
-    name: str
-    light: np.ndarray
-    level: float
-    digest: str
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class MapSource:
-    """A file in a library's folder.
-
-    Attributes:
-        stamp: path within the folder, size [bytes] and time of change [ns].
-        digest: SHA-256 of its bytes; empty if it cannot be read.
-        fault: why it is not in the library; or empty.
-    """
-
-    stamp: tuple[str, int, int]
-    digest: str
-    fault: str = ""
+_VERSION = 5
+"""Version of what is kept; another is not read."""
+_SUFFIXES = (".exr", ".hdr")
+MOST_MAPS = 5000
+"""Largest number of maps in a folder, subfolders included."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -49,115 +30,127 @@ class Library:
     """Maps that a light is compared with.
 
     Attributes:
-        path: the library's own file.
+        folder: that they are in.
         names: [N].
-        lights, levels: [N, 32, 64, 3] float32 and [N], see likeness.light_of.
         files: paths of the N maps.
-        relative: the same within the folder.
-        digests: SHA-256 of their bytes.
+        stamps: path within the folder, size [bytes] and time of change [ns] of each.
+        lights, levels: [N, 32, 64, 3] float32 and [N], see likeness.light_of.
         faults: a line for each file that could not be read.
-        unkept: a warning that it cannot be written; or empty.
     """
 
-    path: Path
+    folder: Path
     names: tuple[str, ...]
+    files: tuple[Path, ...]
+    stamps: tuple[str, ...]
     lights: np.ndarray
     levels: np.ndarray
-    files: tuple[Path, ...] = ()
-    relative: tuple[str, ...] = ()
-    digests: tuple[str, ...] = ()
     faults: tuple[str, ...] = ()
-    unkept: str = ""
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """One line for each fault."""
-        return (*(f"left out: {fault}" for fault in self.faults), *([self.unkept] if self.unkept else []))
+        return tuple(f"left out: {fault}" for fault in self.faults)
+
+    def check_unchanged(self, index: int) -> None:
+        """Raise InputError if the file of a map has changed since it was read."""
+        if _stamp(self.files[index], self.folder) != self.stamps[index]:
+            text = "expected the map that was compared, got another; run match again"
+            raise InputError(text, source=self.files[index])
 
 
-def entry_of(name: str, radiance: np.ndarray, digest: str = "") -> Entry:
-    """Build the library's entry of a map [H, 2H, 3]; InputError if it has fewer rows than are compared."""
+def open_library(folder: str | Path) -> Library:
+    """Open the library of a folder of .exr and .hdr maps, subfolders included.
+
+    Each file is read once (about a second for ten maps of 1,024 x 512), and again when its size or its time changes.
+    Where the user's cache cannot be written, it is read each time.
+
+    Raises:
+        InputError: no folder, no map in it, or too many.
+    """
+    folder = Path(folder)
+    if folder.suffix == ".zip" and folder.is_file():
+        raise InputError("expected a folder of .exr or .hdr maps, got a ZIP archive; unpack it", source=folder)
+    if not folder.is_dir():
+        raise InputError("no such folder; name one of .exr or .hdr maps", source=folder)
+    files, kept_in = _maps_in(folder), _cache_file(folder)
+    known = {} if kept_in is None else _kept(kept_in)
+    found: dict[Path, tuple[str, np.ndarray, float]] = {}
+    faults = []
+    for path in files:
+        stamp = _stamp(path, folder)
+        try:
+            found[path] = (stamp, *(known[stamp] if stamp in known else _read(path, folder)))
+        except AnyprobeError as error:
+            faults.append(" ".join(str(error).splitlines()))
+    if not found:
+        if faults:
+            raise InputError(faults[0])
+        raise InputError("expected .exr or .hdr maps in the folder, got none; check the path", source=folder)
+    stamps, lights, levels = (list(parts) for parts in zip(*found.values(), strict=True))
+    if kept_in is not None and stamps != list(known):
+        with suppress(OutputError), atomic_path(kept_in) as temporary:
+            np.savez_compressed(temporary, stamps=stamps, lights=np.stack(lights), levels=levels)
+    stems = [path.relative_to(folder).with_suffix("").as_posix() for path in files]
+    names = {
+        path: stem if stems.count(stem) == 1 else path.relative_to(folder).as_posix()
+        for path, stem in zip(files, stems, strict=True)
+    }
+    return Library(
+        folder=folder,
+        names=tuple(names[path] for path in found),
+        files=tuple(found),
+        stamps=tuple(stamps),
+        lights=np.stack(lights).astype(np.float32),
+        levels=np.array(levels),
+        faults=tuple(faults),
+    )
+
+
+def _maps_in(folder: Path) -> list[Path]:
+    """Return the maps of a folder and its subfolders, without hidden ones, in natural order."""
+    maps = (path for path in folder.rglob("*") if path.suffix.lower() in _SUFFIXES)
+    seen = (path for path in maps if not any(part.startswith(".") for part in path.relative_to(folder).parts))
+    found = list(islice(seen, MOST_MAPS + 1))
+    if len(found) > MOST_MAPS:
+        raise InputError(f"expected at most {MOST_MAPS} maps, got more; name a folder within it", source=folder)
+    return sorted(found, key=lambda path: natural_order(path.relative_to(folder).as_posix()))
+
+
+def _stamp(path: Path, folder: Path) -> str:
+    """Return what changes with a file; of a link to nowhere, its name."""
+    name = path.relative_to(folder).as_posix()
+    with suppress(OSError):
+        stat = path.stat()
+        return f"{name} {stat.st_size} {stat.st_mtime_ns}"
+    return name
+
+
+def _read(path: Path, folder: Path) -> tuple[np.ndarray, float]:
+    """Return a map's light and level; InputError if it cannot be compared."""
+    radiance, name = read_radiance(path), path.relative_to(folder).as_posix()
     if len(radiance) < MATCH_ROWS:
         raise InputError(f"expected at least {MATCH_ROWS} rows, got {len(radiance)}; use a larger map", source=name)
     light, level = light_of(radiance)
     if not light.any():
         raise InputError("expected a map with light, got a black one; remove it from the library", source=name)
-    return Entry(name, light.astype(np.float16), level, digest)
+    return light.astype(np.float16), level
 
 
-def write_library(path: Path, entries: Iterable[Entry], sources: list[MapSource]) -> None:
-    """Write the file of a library; the same maps give the same bytes.
-
-    Args:
-        sources: files of the folder that the entries come from; complete once the last entry is drawn.
-    Raises:
-        InputError: no maps. OutputError: cannot be written.
-    """
-    with atomic_path(path) as temporary:
-        pack_library(temporary, entries, sources)
-
-
-def pack_library(target: Path | io.BytesIO, entries: Iterable[Entry], sources: list[MapSource]) -> None:
-    """Write the file of a library to a path or into memory, see write_library."""
-    kept = list(entries)
-    if not kept:
-        raise InputError("expected at least one map, got none; check the folder", subject="library")
-    index = {
-        "version": _VERSION,
-        "names": [entry.name for entry in kept],
-        "levels": [entry.level for entry in kept],
-        "digests": [entry.digest for entry in kept],
-        "sources": [[list(source.stamp), source.digest, source.fault] for source in sources],
-    }
-    with zipfile.ZipFile(target, "w") as file:
-        _put_array(file, "lights.npy", np.stack([entry.light for entry in kept]))
-        _put(file, "index.json", json.dumps(index).encode())
-
-
-def _put_array(file: zipfile.ZipFile, name: str, values: np.ndarray) -> None:
-    stream = io.BytesIO()
-    np.save(stream, values)
-    _put(file, name, stream.getvalue())
-
-
-def _put(file: zipfile.ZipFile, name: str, data: bytes) -> None:
-    """Store data without a time stamp, so that the same library gives the same file."""
-    file.writestr(zipfile.ZipInfo(name), data, compress_type=zipfile.ZIP_DEFLATED)
-
-
-def stored_index(path: Path) -> dict[str, Any] | None:
-    """Read the index of a file of this version; None where it is absent, damaged or of another version."""
-    try:
-        with zipfile.ZipFile(path) as file:
-            return index_in(file)
-    except (OSError, zipfile.BadZipFile):
+def _cache_file(folder: Path) -> Path | None:
+    """Return where a folder's library is kept; None where nothing can be."""
+    home = home_folder()
+    base = os.environ.get("XDG_CACHE_HOME") or (home and home / ".cache")
+    if base is None:
         return None
+    name = hashlib.sha256(f"{_VERSION} {os.path.realpath(folder)}".encode(errors="surrogateescape")).hexdigest()[:16]
+    return Path(base) / "anyprobe" / "maps" / f"{name}.npz"
 
 
-def index_in(file: zipfile.ZipFile) -> dict[str, Any] | None:
-    """Read the index of an open file; see stored_index."""
+def _kept(path: Path) -> dict[str, tuple[np.ndarray, float]]:
+    """Return lights and levels by stamp; none of a file that is absent or damaged."""
     try:
-        index = json.loads(file.read("index.json"))
-        return index if index["version"] == _VERSION and len(index["digests"]) == len(index["names"]) else None
-    except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile):
-        return None
-
-
-def lights_in(file: zipfile.ZipFile) -> np.ndarray:
-    """Read the lights of a library's open file."""
-    return np.load(io.BytesIO(file.read("lights.npy")))
-
-
-def read_library(path: Path, stored: Path | io.BytesIO) -> Library:
-    """Read a library; stored: its file, a path, or its bytes."""
-    with zipfile.ZipFile(stored) as file:
-        index, lights = json.loads(file.read("index.json")), lights_in(file)
-    return Library(
-        path=path,
-        names=tuple(index["names"]),
-        lights=lights.astype(np.float32),
-        levels=np.array(index["levels"]),
-        relative=tuple(stamp[0] for stamp, _, fault in index["sources"] if not fault),
-        digests=tuple(index["digests"]),
-        faults=tuple(fault for *_, fault in index["sources"] if fault),
-    )
+        with np.load(path, allow_pickle=False) as file:
+            stamps, lights, levels = (file[name] for name in ("stamps", "lights", "levels"))
+        return {str(stamp): (light, level) for stamp, light, level in zip(stamps, lights, levels, strict=True)}
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        return {}

@@ -11,12 +11,11 @@ import numpy as np
 
 from anyprobe.core.frames import rotation_z
 from anyprobe.core.latlong import bilinear, direction_to_uv, uv_to_direction
-from anyprobe.errors import InputError, OutputError
+from anyprobe.errors import OutputError
 from anyprobe.light.environment import reduced, rotate
 from anyprobe.maps.radiance import HALF_MAX, read_radiance, write_exr_planes
 from anyprobe.match.kind import log_odds, same_kind
-from anyprobe.match.library import Library
-from anyprobe.match.library_folder import check_unchanged, open_library
+from anyprobe.match.library import Library, open_library
 from anyprobe.match.likeness import Shown, best_places, gain_of, shown_under
 from anyprobe.match.shading import USUAL_ERROR, shadings_apart
 
@@ -120,7 +119,7 @@ class MatchedMap:
         }
 
     def _source(self) -> np.ndarray:
-        check_unchanged(self.library, self.index)
+        self.library.check_unchanged(self.index)
         return read_radiance(self.path)
 
     def _turned(self, source: np.ndarray) -> Iterator[np.ndarray]:
@@ -167,8 +166,6 @@ def rank_maps(
         shown = None if shown is None else shown.turned(unrolled)
         light_from_camera = light_from_camera @ unrolled.T
     library = folder if isinstance(folder, Library) else open_library(folder)
-    if not library.files:
-        raise InputError("expected a folder of .exr and .hdr maps, got a library without files", source=library.path)
     lights, levels = library.lights, library.levels
     camera = np.maximum(rotate(radiance, light_from_camera.T), 0.0)
     seen = shown_under(camera) if shown is None else shown

@@ -7,7 +7,7 @@ from support.places import place
 
 from anyprobe.errors import InputError
 from anyprobe.maps.radiance import write_exr
-from anyprobe.match.library_folder import open_library
+from anyprobe.match.library import open_library
 
 
 def test_a_folder_is_indexed_once_and_again_when_it_changes(tmp_path, monkeypatch):
@@ -17,7 +17,7 @@ def test_a_folder_is_indexed_once_and_again_when_it_changes(tmp_path, monkeypatc
     write_exr(folder / "one.exr", place(0))
     (folder / "broken.hdr").write_bytes(b"no picture")
     assert open_library(folder).names == ("one",)
-    (made,) = (tmp_path / "cache").rglob("*.zip")
+    (made,) = (tmp_path / "cache").rglob("*.npz")
     stamp = made.stat().st_mtime_ns
     open_library(folder)
     assert made.stat().st_mtime_ns == stamp
@@ -29,7 +29,7 @@ def test_a_damaged_cache_is_made_anew(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     write_exr(tmp_path / "one.exr", place(0))
     open_library(tmp_path)
-    (made,) = (tmp_path / "cache").rglob("*.zip")
+    (made,) = (tmp_path / "cache").rglob("*.npz")
     made.write_bytes(b"half a file")
     assert open_library(tmp_path).names == ("one",)
 
