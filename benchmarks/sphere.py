@@ -13,8 +13,8 @@ from anyprobe.core.frames import world_from_camera
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.errors import InputError
 from anyprobe.scatter.materials import Material
-from anyprobe.scatter.microfacet import f0_from_ior
 from anyprobe_train.dataset.catalog import load_maps
+from anyprobe_train.dataset.distributions import f0_from_ior
 from anyprobe_train.dataset.room import room
 from anyprobe_train.dataset.sky import sky
 

@@ -18,7 +18,7 @@ from anyprobe.core.color import to_bytes
 from anyprobe.core.response import response
 from anyprobe.estimate.photo import load_photo
 from anyprobe.files.objects import open_object
-from anyprobe.light.environment import MAP_HEIGHT, shrink
+from anyprobe.light.environment import MAP_HEIGHT, reduced
 from anyprobe.light.light_sources import find_dominant_light
 from anyprobe.relight.insert import Arrangement, Stage
 from anyprobe.render.spheres import diffuse
@@ -61,7 +61,7 @@ def true_light(width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
     azimuth_deg, color = emitter(0.0)
     gain = table.gain(azimuth_deg, color)
     source = gain * color * table.emitter(azimuth_deg)
-    return shrink(source, MAP_HEIGHT), shrink(gain * table.coarse + source, MAP_HEIGHT)
+    return reduced(source, MAP_HEIGHT), reduced(gain * table.coarse + source, MAP_HEIGHT)
 
 
 def errors(light: anyprobe.Light, source: np.ndarray, truth: np.ndarray) -> str:

@@ -18,7 +18,7 @@ from anyprobe.core.frames import world_from_camera
 from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.core.response import response
 from anyprobe.core.sampling import hammersley
-from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
+from anyprobe.light.environment import MAP_HEIGHT, reduced, rotate
 from anyprobe.light.octahedral import build_pyramid
 from anyprobe.maps.radiance import write_exr
 from anyprobe.render.integrate import NUM_EMITTERS, shade
@@ -35,7 +35,7 @@ CHUNK = 8192
 def main(folder: Path) -> None:
     """Render, expose and write the two files."""
     fine = room(np.random.default_rng(17), height=1024)
-    light = shrink(fine, 256)
+    light = reduced(fine, 256)
     mesh = lathe(np.random.default_rng(0), rows=200)
     material = Material(albedo=np.array([0.42, 0.36, 0.30]), f0=np.full(3, 0.045), alpha=0.15)
     side = SIZE * SUPERSAMPLE
@@ -58,7 +58,7 @@ def main(folder: Path) -> None:
     rgba = np.concatenate([display, surface.mask[..., None]], axis=-1)
     rgba = rgba.reshape(SIZE, SUPERSAMPLE, SIZE, SUPERSAMPLE, 4).mean(axis=(1, 3))
     Image.fromarray(np.round(rgba * 255).astype(np.uint8)).save(folder / "vase.png", optimize=True)
-    truth = shrink(rotate(light, map_from_camera.T), MAP_HEIGHT) * gain
+    truth = reduced(rotate(light, map_from_camera.T), MAP_HEIGHT) * gain
     write_exr(folder / "vase_truth.exr", truth)
 
 

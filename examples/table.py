@@ -26,7 +26,7 @@ from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
 from anyprobe.core.response import response
 from anyprobe.estimate.photo import Photo
 from anyprobe.files.objects import open_object
-from anyprobe.light.environment import shrink
+from anyprobe.light.environment import reduced
 from anyprobe.relight.insert import Arrangement, Stage, lay_object_over, within
 from anyprobe.relight.shadow import sky_irradiance
 from anyprobe.render.picture import draw_mesh
@@ -73,7 +73,7 @@ class Table:
         place = Arrangement(size=1.0, at=((x0 + x1) / 2, y1 - 0.03 * height), pitch_deg=PITCH_DEG)
         self.stage = Stage(photo, open_object("vase"), place)
         self.fine = ROOM_SHARE * room(np.random.default_rng(29), height=1024)
-        self.coarse = shrink(self.fine, 128)
+        self.coarse = reduced(self.fine, 128)
 
     def emitter(self, azimuth_deg: float) -> np.ndarray:
         """A white emitter 50 degrees up; azimuth 0 is ahead, 90 to the right: [128, 256, 3]."""

@@ -21,7 +21,7 @@ from anyprobe.core.response import response
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.photo import Photo, load_photo
 from anyprobe.files.objects import open_object
-from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
+from anyprobe.light.environment import MAP_HEIGHT, reduced, rotate
 from anyprobe.light.light_sources import find_dominant_light
 from anyprobe.relight.appearance import least_scale
 from anyprobe.relight.insert import Stage
@@ -84,7 +84,7 @@ def main() -> None:
         relit = [stage.relit(one, scene.inserted) for one in (panorama, truth)]
         path = DOCS / "gallery" / f"{scene.name.replace(', ', '_').replace(' ', '_')}.jpg"
         sheet(photo.rgb, panorama, truth, relit).save(path, quality=82, optimize=True)
-        said = errors(light.radiance * gain, shrink(truth, MAP_HEIGHT))
+        said = errors(light.radiance * gain, reduced(truth, MAP_HEIGHT))
         lines.append(SECTION.format(name=scene.name, inserted=scene.inserted, path=path.name, errors=said))
         print(path, flush=True)
     (DOCS / "explanation" / "gallery.md").write_text("\n".join(lines), encoding="utf-8")
@@ -128,7 +128,7 @@ def photograph(scene: Scene) -> tuple[Photo, np.ndarray, np.ndarray]:
     gain = WHITE / luminance(picture[..., :3]).mean()
     display = response(picture[..., :3] * gain) + NOISE * rng.standard_normal((HEIGHT, WIDTH, 3))
     world_from_camera = np.array(look.matrix)[:3, :3] @ np.diag([-1.0, 1.0, -1.0])
-    truth = np.maximum(rotate(shrink(radiance, 4 * MAP_HEIGHT), world_from_camera.T), 0.0)
+    truth = np.maximum(rotate(reduced(radiance, 4 * MAP_HEIGHT), world_from_camera.T), 0.0)
     photo = load_photo(to_bytes(display), name=scene.name, mask=mask, fov_deg=FOV_DEG)
     return photo, truth.astype(np.float32) * np.float32(gain), depth_of(mi, described, "table")
 

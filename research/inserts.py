@@ -28,7 +28,7 @@ from anyprobe.estimate.ground import up_of
 from anyprobe.estimate.photo import Photo, load_photo
 from anyprobe.files.meshes import read_mesh
 from anyprobe.files.objects import open_object
-from anyprobe.light.environment import rotate, shrink
+from anyprobe.light.environment import reduced, rotate
 from anyprobe.maps.radiance import read_radiance
 from anyprobe.pictures.images import write_png
 from anyprobe.relight.camera_look import DRAWN_BLUR, CameraLook
@@ -157,7 +157,7 @@ def _view(setting: Setting) -> View:
 def light_of(data: Path, setting: Setting) -> np.ndarray:
     """Return the map [MAP_ROWS, 2 MAP_ROWS, 3] in the camera's frame."""
     radiance = read_radiance(data / "hdri" / "test" / f"{setting.map}.exr")
-    radiance = shrink(radiance, MAP_ROWS) if len(radiance) > MAP_ROWS else radiance
+    radiance = reduced(radiance, MAP_ROWS) if len(radiance) > MAP_ROWS else radiance
     turn = rotation_x(np.radians(setting.pitch_deg)) @ rotation_y(np.radians(setting.yaw_deg))
     return np.maximum(rotate(radiance, turn), 0.0).astype(np.float32)
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from anyprobe.core.frames import reflect
 from anyprobe.core.latlong import bilinear, direction_to_uv
-from anyprobe.light.environment import shrink
+from anyprobe.light.environment import reduced
 from anyprobe.paper.equations import schlick_weight
 from anyprobe.render.spheres import SILVER_ALPHA, SILVER_F0, sphere_normals
 from anyprobe_train.evaluate.metrics import color_angle_deg, rmse, si_rmse
@@ -46,7 +46,7 @@ def field_tone(radiance: np.ndarray) -> np.ndarray:
 def _resize(radiance: np.ndarray, rows: int) -> np.ndarray:
     """[H, 2H, 3] to rows: averaged down or interpolated up."""
     if radiance.shape[0] > rows:
-        return shrink(radiance, rows)
+        return reduced(radiance, rows)
     u, v = np.meshgrid((np.arange(2 * rows) + 0.5) / (2 * rows), (np.arange(rows) + 0.5) / rows)
     return bilinear(radiance, np.stack([u, v], axis=-1).astype(np.float32))
 

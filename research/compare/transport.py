@@ -14,7 +14,7 @@ import numpy as np
 
 from anyprobe.core.frames import rotation_x
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
-from anyprobe.light.environment import shrink
+from anyprobe.light.environment import reduced
 from anyprobe.paper.equations import ggx_distribution, schlick_weight, smith_visibility
 from anyprobe.render.spheres import sphere_normals
 
@@ -127,5 +127,5 @@ def _first_hit(origin: np.ndarray, ray: np.ndarray, centers: np.ndarray) -> tupl
 
 def array_of_spheres(maps: Sequence[np.ndarray]) -> list[np.ndarray]:
     """Linear pictures [48, 80, 3] of the nine spheres under maps [H, 2H, 3], H a multiple of 32."""
-    seen = light(array_matrix(), [shrink(one, ARRAY_ROWS) for one in maps])
+    seen = light(array_matrix(), [reduced(one, ARRAY_ROWS) for one in maps])
     return [picture.reshape(*ARRAY_SIZE, 3) for picture in seen]

@@ -17,7 +17,7 @@ from anyprobe.core.color import luminance
 from anyprobe.core.frames import dot, normalize, world_from_camera
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
-from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
+from anyprobe.light.environment import MAP_HEIGHT, reduced, rotate
 from anyprobe.paper.equations import ggx_distribution, schlick_weight, smith_visibility
 from anyprobe.scatter.materials import Material, total_reflectance
 from anyprobe_train.dataset import distributions
@@ -50,7 +50,7 @@ class Views:
         rng = np.random.default_rng(seed)
         self.number = np.arange(len(maps)).repeat(VIEWS)
         self.radiance = np.empty((len(self.number), MAP_HEIGHT, 2 * MAP_HEIGHT, 3), np.float32)
-        small = [shrink(radiance, MAP_HEIGHT) for radiance in maps]
+        small = [reduced(radiance, MAP_HEIGHT) for radiance in maps]
         for k, number in enumerate(self.number):
             turn = world_from_camera(rng.uniform(0, 2 * np.pi), np.arcsin(rng.uniform(0, 0.95)))
             seen = rotate(small[number], turn.T)

@@ -15,7 +15,7 @@ from anyprobe.errors import InputError
 from anyprobe.estimate.photo import inputs_of, load_photo
 from anyprobe.estimate.runtime import PHOTO_SIZE
 from anyprobe.estimate.window import crop_of
-from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
+from anyprobe.light.environment import MAP_HEIGHT, reduced, rotate
 from anyprobe.light.light_sources import find_dominant_light
 from anyprobe.maps.radiance import read_radiance
 from anyprobe_train.evaluate.methods import Method
@@ -93,7 +93,7 @@ def load_real(folder: Path, rows: Iterable[Mapping[str, str]]) -> Iterator[RealP
             kind=row["kind"],
             crop=crop.image,
             tan_half=crop.tan_half,
-            radiance=shrink(rotate(_fit(measured), crop.camera_from_crop.T), MAP_HEIGHT).astype(np.float32),
+            radiance=reduced(rotate(_fit(measured), crop.camera_from_crop.T), MAP_HEIGHT).astype(np.float32),
         )
 
 

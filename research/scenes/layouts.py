@@ -13,7 +13,7 @@ import numpy as np
 
 from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
 from anyprobe.core.latlong import bilinear, direction_to_uv
-from anyprobe.light.environment import shrink
+from anyprobe.light.environment import reduced
 from anyprobe.light.filtering import irradiance_map
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.shapes import sphere
@@ -293,7 +293,7 @@ def _real_light(rng: np.random.Generator, store: AssetStore) -> tuple[str, np.nd
 
 def _falling(radiance: np.ndarray) -> np.ndarray:
     """Return irradiance [3] on level ground."""
-    above = shrink(radiance, 32).copy()
+    above = reduced(radiance, 32).copy()
     above[16:] = 0.0
     return np.maximum(irradiance_map(above)[0].mean(axis=0), 1e-6).astype(np.float64)
 

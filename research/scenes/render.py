@@ -9,7 +9,7 @@ import numpy as np
 from PIL import Image
 
 from anyprobe.core.latlong import bilinear, direction_to_uv, uv_to_direction
-from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
+from anyprobe.light.environment import MAP_HEIGHT, reduced, rotate
 from anyprobe.render.shapes import sphere
 from anyprobe_train.evaluate.path_traced import NAME, _environment, _mi_rays, _shape, open_mitsuba
 from research.scenes.layouts import Lamp, Layout
@@ -65,7 +65,7 @@ def render_layout(layout: Layout, quality: int = 1) -> Render:
     picture, mask = _picture(mi, tracer, whole, alone, hiding, layout, quality)
     del whole
     if layout.on_map:
-        truth = shrink(rotate(layout.light, layout.phone.world_from_camera.T), MAP_HEIGHT)
+        truth = reduced(rotate(layout.light, layout.phone.world_from_camera.T), MAP_HEIGHT)
     else:
         empty = mi.load_dict({"type": "scene", "light": light, **fixed, **lamps})
         truth = _probe(mi, tracer, empty, layout, PROBE_PATHS * quality)
@@ -238,7 +238,7 @@ def _probe(mi, tracer, empty, layout: Layout, paths: int) -> np.ndarray:
         return one.reshape(MAP_HEIGHT, side, 2 * MAP_HEIGHT, side, -1).mean(axis=(1, 3))
 
     # what nothing hides is the light itself, exactly: a lamp of one pixel is not missed by few paths
-    free = shrink(rotate(layout.light, layout.phone.world_from_camera.T), MAP_HEIGHT)
+    free = reduced(rotate(layout.light, layout.phone.world_from_camera.T), MAP_HEIGHT)
     share, traced = mean(hit.astype(np.float32)), mean(color.reshape(rows, columns, 3) * hit)
     wide = np.concatenate([traced[:, -8:], traced, traced[:, :8]], axis=1)
     return _denoised(wide)[:, 8:-8] + free * (1 - share)

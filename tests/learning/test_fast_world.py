@@ -11,7 +11,7 @@ pytest.importorskip("numba", reason="needs ./train[torch]")
 from anyprobe.maps.radiance import write_exr
 from anyprobe.render.mesh import make_mesh
 from anyprobe.render.shapes import sphere
-from anyprobe.render.voxels import blocked, voxelize
+from anyprobe.render.voxels import first_faces, voxelize
 from anyprobe_train.world import feed, maps
 from anyprobe_train.world.batch import LightBatch, World, make_batch, sources_of
 from anyprobe_train.world.hits import grid_start, panel_point
@@ -117,7 +117,7 @@ def test_compiled_rays_are_those_of_the_runtime():
     directions = rng.normal(size=(4000, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     voxels = voxelize(sphere(48))
-    found = blocked(voxels, origins, directions)
+    found = first_faces(voxels, origins, directions) >= 0
     np.testing.assert_array_equal(found, blocked_each(voxels.words, voxels.low, voxels.cell, origins, directions))
     along = (origins * directions).sum(axis=1)
     nearest = np.sqrt(np.maximum((origins**2).sum(axis=1) - np.minimum(along, 0.0) ** 2, 0.0))

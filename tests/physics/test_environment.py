@@ -5,7 +5,7 @@ import pytest
 
 from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
-from anyprobe.light.environment import SEARCH_ROWS, integral, reduced, rotate, shrink
+from anyprobe.light.environment import SEARCH_ROWS, integral, reduced, rotate
 
 
 @pytest.fixture
@@ -37,7 +37,7 @@ def test_integral_counts_rows_alike():
 
 @pytest.mark.parametrize("height", [16, 8, 2])
 def test_shrinking_loses_light(noise, height):
-    small = shrink(noise, height)
+    small = reduced(noise, height)
     assert small.shape == (height, 2 * height, 3)
     assert small.dtype == np.float32
     np.testing.assert_allclose(integral(small), integral(noise), rtol=1e-5)
@@ -45,7 +45,7 @@ def test_shrinking_loses_light(noise, height):
 
 def test_shrinking_mixes_neighbouring_blocks():
     ramp = np.repeat(np.arange(64.0)[None, :, None], 32, axis=0).repeat(3, axis=2)
-    np.testing.assert_allclose(shrink(ramp, 16)[5, :, 0], np.arange(32) * 2 + 0.5)
+    np.testing.assert_allclose(reduced(ramp, 16)[5, :, 0], np.arange(32) * 2 + 0.5)
 
 
 @pytest.mark.parametrize(
@@ -95,7 +95,6 @@ def test_torch_maps_differ(noise):
     torch = pytest.importorskip("torch", reason="torch is an extra")
     tensor, rotation = torch.asarray(noise), rotation_y(0.3) @ rotation_x(0.2)
     np.testing.assert_allclose(rotate(tensor, rotation).numpy(), rotate(noise, rotation), atol=1e-6)
-    np.testing.assert_allclose(shrink(tensor, 8).numpy(), shrink(noise, 8), atol=1e-6)
     np.testing.assert_allclose(integral(tensor).numpy(), integral(noise), rtol=1e-5)
 
 
@@ -107,5 +106,3 @@ def test_a_reduced_map_has_another_integral(height):
     assert small.shape == (SEARCH_ROWS, 2 * SEARCH_ROWS, 3)
     np.testing.assert_allclose(integral(small), integral(radiance), rtol=2e-4)
     np.testing.assert_allclose(reduced(np.full_like(radiance, 0.3)), 0.3, rtol=1e-5)
-    if height % SEARCH_ROWS == 0:
-        np.testing.assert_allclose(small, shrink(radiance, SEARCH_ROWS), rtol=1e-4)

@@ -6,7 +6,7 @@ import pytest
 from anyprobe.core.color import luminance
 from anyprobe.core.frames import normalize, rotation_of
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
-from anyprobe.light.environment import integral, rotate, shrink
+from anyprobe.light.environment import integral, reduced, rotate
 from anyprobe.light.harmonics import directionality, project
 from anyprobe.light.light_sources import (
     ERROR,
@@ -37,7 +37,7 @@ def disc(centre, radius_deg, color=(1.0, 1.0, 1.0)):
     cosine = FINE @ centre.astype(np.float32)
     inside = (cosine >= np.cos(np.radians(radius_deg)))[..., None] * np.asarray(color, np.float32)
     truth = np.einsum("hwc,hw,h->c", inside, np.maximum(cosine, 0), pixel_solid_angles(256)[:, 0])
-    return shrink(inside, 64), truth
+    return reduced(inside, 64), truth
 
 
 @pytest.mark.parametrize("radius_deg", [1.5, 5.0, 7.0, 15.0, 30.0])

@@ -9,7 +9,7 @@ from anyprobe.core.color import luminance
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import response
 from anyprobe.estimate.photo import Photo
-from anyprobe.light.environment import integral, shrink
+from anyprobe.light.environment import integral, reduced
 from anyprobe.relight.appearance import material_from_photo
 from anyprobe.render.mesh import make_mesh
 from anyprobe.render.picture import draw_mesh
@@ -50,7 +50,7 @@ def test_glint_of_a_drawn_sphere_is_as_strong_wherever_the_sun_stands(suns, alph
 @pytest.mark.ci
 def test_silver_sphere_is_as_bright_wherever_the_sun_stands(suns):
     """And in however many rows."""
-    sums = [luminance(silver(light)).sum() for sun in suns for light in (sun, shrink(sun, 64))]
+    sums = [luminance(silver(light)).sum() for sun in suns for light in (sun, reduced(sun, 64))]
     np.testing.assert_allclose(sums, np.mean(sums), rtol=0.03)
 
 

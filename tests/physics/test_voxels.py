@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from anyprobe.render.shapes import sphere
-from anyprobe.render.voxels import blocked, first_faces, open_shares, voxelize
+from anyprobe.render.voxels import first_faces, open_shares, voxelize
 
 BALL = sphere(48)
 VOXELS = voxelize(BALL)
@@ -39,7 +39,7 @@ def test_rays_meet_the_sphere_where_it_is(outside, rng):
 def test_parallel_light_is_hidden_where_single_rays_are(outside, direction):
     toward = np.asarray(direction) / np.linalg.norm(direction)
     share = open_shares(VOXELS, outside, toward[None])[0]
-    hidden = blocked(VOXELS, outside, np.broadcast_to(toward, outside.shape))
+    hidden = first_faces(VOXELS, outside, np.broadcast_to(toward, outside.shape)) >= 0
     assert ((share < 0.5) == hidden).mean() > 0.98
     assert 0 <= share.min() <= share.max() <= 1
     away = np.linalg.norm(outside - (outside @ toward)[:, None] * toward, axis=1)

@@ -6,7 +6,7 @@ from support.some_pair import sphere_pair
 
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import inverse_response, response
-from anyprobe.light.environment import shrink
+from anyprobe.light.environment import reduced
 from anyprobe_train.dataset.asset_store import draw_map
 from research.compare.figures import Estimate, ln_unit, relight_scores, score_pair, sh_irradiance_error, tone
 from research.compare.lights import nearest_mean_deg, peak_direction
@@ -26,7 +26,7 @@ def emitter(*places, ground=0.01):
 
 
 def drawn():
-    return shrink(draw_map(np.random.default_rng(4), height=64)[0], 64).astype(np.float32)
+    return reduced(draw_map(np.random.default_rng(4), height=64)[0], 64).astype(np.float32)
 
 
 def test_ln_unit_has_its_ends_where_it_says():

@@ -27,7 +27,7 @@ ORDER = (
 
 ONLY = {
     "torch": {
-        *("render", "anyprobe_train.nets", "anyprobe_train.dataset", "anyprobe_train.train", "anyprobe_train.cli"),
+        *("anyprobe_train.nets", "anyprobe_train.dataset", "anyprobe_train.train", "anyprobe_train.cli"),
         *("anyprobe_train.paper", "anyprobe_train.mask_network", "anyprobe_train.whole_network"),
         *("anyprobe_train.light_graph", "anyprobe_train.light"),
     },
@@ -53,8 +53,8 @@ ONLY = {
 }
 """Packages that not every part may import."""
 
-TORCH_INSIDE = {"anyprobe_train.cli": "need_torch", "render": "compile_kernel"}
-"""Parts without torch but for one function: to see whether it is there, and to compile with it."""
+TORCH_INSIDE = {"anyprobe_train.cli": "need_torch"}
+"""Parts without torch but for one function: to see whether it is there."""
 
 PACKAGES = ("anyprobe", "anyprobe_train")
 

@@ -20,7 +20,7 @@ from support.zscore import Measured, measured
 
 from anyprobe.core.frames import world_from_camera
 from anyprobe.core.sampling import hammersley
-from anyprobe.light.environment import shrink
+from anyprobe.light.environment import reduced
 from anyprobe.light.octahedral import Pyramid, build_pyramid
 from anyprobe.maps.radiance import read_radiance
 from anyprobe.render.integrate import Shading, shade
@@ -83,8 +83,8 @@ def made_map(family: str, rows: int = ROWS) -> np.ndarray:
     low, high = BRIGHTEST[family]
     for seed in range(200):
         radiance = draw(np.random.default_rng(seed))
-        if low < shrink(radiance, ROWS).max() < high:
-            return shrink(radiance, rows)
+        if low < reduced(radiance, ROWS).max() < high:
+            return reduced(radiance, rows)
     raise AssertionError(f"no {family} of 200 has its brightest texel in {low} to {high}")
 
 
@@ -96,7 +96,7 @@ def real_maps() -> list[np.ndarray]:
     for path in sorted(folder.glob("*.exr")) + sorted(folder.glob("*.hdr")):
         radiance = read_radiance(path)
         if radiance.shape[0] % ROWS == 0:
-            radiance = normalize_map(shrink(radiance, ROWS))
+            radiance = normalize_map(reduced(radiance, ROWS))
             found += [radiance] if 15 < radiance.max() < 100 else []
         if len(found) == 3:
             break

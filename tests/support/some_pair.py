@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from anyprobe.core.response import response
-from anyprobe.light.environment import shrink
+from anyprobe.light.environment import reduced
 from anyprobe.render.spheres import diffuse, sphere_normals
 from anyprobe.scatter.materials import Material
 from anyprobe_train.dataset.asset_store import draw_map
@@ -15,7 +15,7 @@ from anyprobe_train.dataset.recipe import Recipe
 
 def sphere_pair(seed: int = 0, alpha: float = 0.3, indoor: bool = True, material: int = 0) -> Pair:
     """A white sphere that fills the picture; photo and irradiance alike."""
-    radiance = shrink(draw_map(np.random.default_rng(seed), height=64)[0], 64).astype(np.float32)
+    radiance = reduced(draw_map(np.random.default_rng(seed), height=64)[0], 64).astype(np.float32)
     radiance = radiance * np.float32(0.4 / radiance.mean())
     normals, mask = sphere_normals(128)
     picture = np.round(response(diffuse(radiance, 128)) * 255).astype(np.uint8)

@@ -37,7 +37,6 @@ LIGHT_STAGE = "light"
 """The one graph of the model that takes a whole photo, see estimate.light_graph."""
 FIRST_STAGES = (LIGHT_STAGE, STAGES[0])
 PHOTO_SIZE: int = contract("sizes")["crop"]
-NORMALS_SIZE: int = contract("sizes")["normals"]
 CHAIN_PICTURES = dict.fromkeys(STAGES[:2], (4, PHOTO_SIZE, PHOTO_SIZE)) | {STAGES[2]: (3, MAP_HEIGHT, 2 * MAP_HEIGHT)}
 """Shape of the picture that each stage of the chain takes."""
 TAKES = {(LIGHT_STAGE,): frozenset({"normals", "surroundings", "material"}), STAGES: frozenset()}

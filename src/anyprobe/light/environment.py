@@ -38,24 +38,6 @@ def check_radiance(radiance: np.ndarray, name: str = "map") -> Float[np.ndarray,
     return np.asarray(radiance, dtype=np.float32)
 
 
-def shrink(radiance, height: int):
-    """Average blocks of pixels down to a smaller height that divides the old one.
-
-    Weighted by solid angle, so that the integral over the sphere is kept.
-    """
-    xp = array_namespace(radiance)
-    old = radiance.shape[0]
-    if height == old:
-        return radiance
-    if old % height:
-        raise ValueError(f"height {height} does not divide {old}")
-    k = old // height
-    weights = xp.asarray(pixel_solid_angles(old), dtype=radiance.dtype, device=device(radiance))[:, :, None]
-    blocks = xp.reshape(radiance * weights, (height, k, 2 * height, k, radiance.shape[2]))
-    total = xp.sum(xp.sum(blocks, axis=3), axis=1)
-    return total / (xp.sum(xp.reshape(weights, (height, k, 1, 1)), axis=1) * k)
-
-
 def reduced(radiance: Float[np.ndarray, "H 2*H C"], rows: int = SEARCH_ROWS) -> Float[np.ndarray, "R 2*R C"]:
     """Average a map [H, 2H, C] down to at most `rows` rows; the integral over the sphere is kept.
 

@@ -13,7 +13,6 @@ The functions run on NumPy arrays and on torch tensors, compiled or not.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -33,22 +32,6 @@ from anyprobe.paper.equations import (
     smith_visibility,
 )
 from anyprobe.scatter.materials import Material
-
-INDUCTOR_OPTIONS: dict[str, Any] = {
-    # By default the compiler writes every long expression to memory and reads it back, and
-    # checks each index. 6,200 points x 64 samples on two cores: 27 ms so, 5 ms with these.
-    "realize_opcount_threshold": 100_000,
-    "realize_reads_threshold": 100_000,
-    "assert_indirect_indexing": False,
-}
-
-
-def compile_kernel(function: Callable) -> Callable:
-    """Apply torch.compile to shade_specular, shade_diffuse or lookup; one kernel for each size of arguments."""
-    import torch
-
-    return torch.compile(function, options=INDUCTOR_OPTIONS, dynamic=False)
-
 
 NUM_EMITTERS = 16
 """Number of emitters in pyramids for shading, enough for a sun's disc.

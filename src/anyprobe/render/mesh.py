@@ -65,40 +65,6 @@ def put_together(pieces: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarra
     return np.concatenate([positions for positions, _ in pieces]), np.concatenate(faces)
 
 
-def transformed(mesh: Mesh, matrix: np.ndarray) -> Mesh:
-    """Apply a linear map [3, 3] of positive determinant to a mesh and scale it back into the unit sphere."""
-    return _moved(
-        mesh, mesh.positions.astype(np.float64) @ matrix.T, mesh.normals.astype(np.float64) @ np.linalg.inv(matrix)
-    )
-
-
-def waved(
-    mesh: Mesh, pushes: Float[np.ndarray, "K 3"], waves: Float[np.ndarray, "K 3"], phases: Float[np.ndarray, " K"]
-) -> Mesh:
-    """Displace every point by x -> x + sum of pushes sin(waves . x + phases), and scale back into the unit sphere.
-
-    Args:
-        pushes, waves: [K, 3]; phases: [K]. Where the |push| |wave| sum to less than one nothing is turned
-            inside out: the map's Jacobian I + push wave^T cos(...) can always be inverted.
-    """
-    x = mesh.positions.astype(np.float64)
-    angles = x @ waves.T + phases  # [V, K]
-    jacobians = np.eye(3) + np.einsum("vk,ki,kj->vij", np.cos(angles), pushes, waves)
-    turned = np.linalg.inv(jacobians)[mesh.faces]  # [F, 3, 3, 3]
-    return _moved(mesh, x + np.sin(angles) @ pushes, np.einsum("fci,fcij->fcj", mesh.normals, turned))
-
-
-def _moved(mesh: Mesh, positions: np.ndarray, normals: np.ndarray) -> Mesh:
-    """Return the mesh with vertices at `positions`, scaled into the unit sphere.
-
-    normals: of any length, by the inverse transpose of the map that moved the vertices.
-    """
-    positions = positions - (positions.max(axis=0) + positions.min(axis=0)) / 2
-    positions /= np.linalg.norm(positions, axis=1).max()
-    normals = normals / np.maximum(np.linalg.norm(normals, axis=2, keepdims=True), 1e-12)
-    return Mesh(positions=positions.astype(np.float32), faces=mesh.faces, normals=normals.astype(np.float32))
-
-
 def check_triangles(positions: np.ndarray, faces: np.ndarray, name: str) -> None:
     """Raise InvalidMesh unless there are 1 ... MAX_FACES faces with indices of finite vertices."""
     if len(faces) == 0 or len(positions) == 0:

@@ -16,7 +16,7 @@ import numpy as np
 from anyprobe.render.mesh import Mesh
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Float, Int
+    from jaxtyping import Float, Int
 
 SIDE = 64
 """Cells along each side of the box."""
@@ -60,13 +60,6 @@ def voxelize(mesh: Mesh) -> Voxels:
             faces[z, x, y] = some[:, None]
     words = ((faces >= 0).astype(np.uint64) << np.arange(SIDE, dtype=np.uint64)).sum(axis=2, dtype=np.uint64)
     return Voxels(words=words, faces=faces, low=low.astype(np.float32), cell=cell)
-
-
-def blocked(
-    voxels: Voxels, origins: Float[np.ndarray, "N 3"], directions: Float[np.ndarray, "N 3"]
-) -> Bool[np.ndarray, " N"]:
-    """Return whether rays meet an occupied cell; see first_faces."""
-    return first_faces(voxels, origins, directions) >= 0
 
 
 def first_faces(

@@ -1,4 +1,4 @@
-"""Directional albedo of GGX microfacets, and f0 by the index of refraction. alpha is the GGX width.
+"""Directional albedo of GGX microfacets; alpha is the GGX width.
 
 The directional albedo is the share of an even light that the coat sends to the eye. With F = f0 + (1 - f0) s it is
 f0 E1 + (1 - f0) Es, two numbers of n.wo and alpha alone (Karis 2013 keeps them in a picture, as this table does).
@@ -18,11 +18,6 @@ from anyprobe.paper.equations import schlick_weight, smith_visibility
 
 if TYPE_CHECKING:
     from jaxtyping import Float
-
-
-def f0_from_ior(ior):
-    """Compute a dielectric's reflectance at normal incidence in air: ((n - 1) / (n + 1))^2."""
-    return ((ior - 1.0) / (ior + 1.0)) ** 2
 
 
 COSINES, ROUGHNESSES = 64, 32

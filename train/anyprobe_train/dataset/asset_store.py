@@ -12,8 +12,8 @@ import numpy as np
 from anyprobe.errors import InputError
 from anyprobe.light.octahedral import Pyramid, build_pyramid
 from anyprobe.render.integrate import NUM_EMITTERS
-from anyprobe.render.shapes import draw_shape
 from anyprobe_train.dataset.catalog import Asset, MapAsset, ShapeAsset, load_maps, load_shapes
+from anyprobe_train.dataset.drawn_shapes import draw_shape
 from anyprobe_train.dataset.room import room
 from anyprobe_train.dataset.sky import sky, studio
 

@@ -17,7 +17,7 @@ from anyprobe.core.latlong import bilinear, pixel_solid_angles
 from anyprobe.errors import InputError, InvalidEnvironment
 from anyprobe.files.meshes import MESH_SUFFIXES, read_mesh
 from anyprobe.files.paths import visible_files
-from anyprobe.light.environment import shrink
+from anyprobe.light.environment import reduced
 from anyprobe.maps.radiance import read_radiance
 from anyprobe.render.mesh import Mesh
 
@@ -151,7 +151,7 @@ def _fit(radiance: np.ndarray) -> np.ndarray:
         v, u = ((np.arange(n, dtype=np.float32) + 0.5) / n for n in (multiple, 2 * multiple))
         bands = [np.stack(np.meshgrid(u, rows), axis=-1) for rows in np.split(v, MAP_ROWS // 8)]
         radiance = np.concatenate([bilinear(radiance, uv) for uv in bands])
-    return shrink(radiance, MAP_ROWS)
+    return reduced(radiance, MAP_ROWS)
 
 
 def _load(

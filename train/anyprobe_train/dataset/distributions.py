@@ -23,7 +23,6 @@ import numpy as np
 from anyprobe.core.color import luminance
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.scatter.materials import Material
-from anyprobe.scatter.microfacet import f0_from_ior
 
 ALPHA_MIN = 0.01
 SPECULAR_BELOW = 0.5
@@ -38,6 +37,11 @@ METALS = (  # linear Rec. 709 reflectance at normal incidence
     (0.55, 0.56, 0.55),  # chromium
     (0.89, 0.79, 0.43),  # brass
 )
+
+
+def f0_from_ior(ior):
+    """Compute a dielectric's reflectance at normal incidence in air: ((n - 1) / (n + 1))^2."""
+    return ((ior - 1.0) / (ior + 1.0)) ** 2
 
 
 def draw_alpha(rng: np.random.Generator, specular: bool | None = None) -> float:

@@ -17,7 +17,7 @@ from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.core.response import MEAN_CURVE, response
 from anyprobe.core.sampling import hammersley
 from anyprobe.errors import InvalidMesh
-from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
+from anyprobe.light.environment import MAP_HEIGHT, reduced, rotate
 from anyprobe.render.integrate import shade
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.surface import Camera, Surface, frame_object, pixel_rays, see
@@ -103,7 +103,7 @@ def render_pair(recipe: Recipe, store: AssetStore, trace: Trace | None = None) -
         surroundings = rotate(asset.radiance, map_from_world.T)
         coat = _painted(material, shape.mesh, rng.spawn(1)[0]) if is_painted(recipe) else material
         reflected = trace(shape.mesh, camera, surroundings, coat)[surface.mask][:, :3]
-    light = shrink(rotate(asset.radiance, map_from_camera.T), MAP_HEIGHT)
+    light = reduced(rotate(asset.radiance, map_from_camera.T), MAP_HEIGHT)
     picture = np.zeros((*surface.mask.shape, 3), reflected.dtype)
     picture[surface.mask] = reflected
     (shot,), (gain,) = meter(

@@ -17,11 +17,11 @@ import numpy as np
 from anyprobe.core.frames import normalize, rotation_x, rotation_y, world_from_camera
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.cores import one_thread
-from anyprobe.render.mesh import Mesh, transformed, waved
-from anyprobe.render.shapes import draw_shape, figure, part
+from anyprobe.render.mesh import Mesh
 from anyprobe.render.surface import frame_object, see
 from anyprobe_train.dataset.asset_store import PROCEDURAL_VERSION
 from anyprobe_train.dataset.catalog import ShapeAsset
+from anyprobe_train.dataset.drawn_shapes import draw_shape, figure, part, transformed, waved
 from anyprobe_train.dataset.occlusion import SIDE, hidden_cells
 
 NUM_ELEVATIONS = 8
@@ -79,7 +79,7 @@ def draw_elevation(rng: np.random.Generator, elevation_class: int) -> float:
 class SurfaceView:
     """How a shape is looked at: world_from_camera [3, 3], elevation class, field of view and margin of frame_object.
 
-    Before that, waves (pushes, waves, phases of mesh.waved) and a matrix [3, 3] make another shape of it.
+    Before that, waves (pushes, waves, phases of drawn_shapes.waved) and a matrix [3, 3] make another shape of it.
     """
 
     world_from_camera: np.ndarray

@@ -19,7 +19,7 @@ from anyprobe.core.frames import world_from_camera
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.core.response import response
 from anyprobe.files.atomic import atomic_path
-from anyprobe.light.environment import rotate, shrink
+from anyprobe.light.environment import reduced, rotate
 from anyprobe.paper.chain import LN_SCALE
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.surface import Camera, frame_object, see
@@ -98,12 +98,12 @@ def build_tables(
         waves, greys, rows = [], [], slice(first * VIEWS, min(first + CHUNK, len(maps)) * VIEWS)
         for number in range(first, min(first + CHUNK, len(maps))):
             radiance = exposed(maps[number].radiance, exposures[number])
-            fine, light = (shrink(radiance, min(n, len(radiance))) for n in (2 * setting.rows, setting.light_rows))
+            fine, light = (reduced(radiance, min(n, len(radiance))) for n in (2 * setting.rows, setting.light_rows))
             for view, (turn, uv) in enumerate(zip(turns, uvs, strict=True)):
                 seen, wave = light_waves(light, uv)
                 waves.append(wave)
                 greys.append(mirror_greys(seen))
-                label = shrink(rotate(fine, turn.T), setting.rows)
+                label = reduced(rotate(fine, turn.T), setting.rows)
                 place = number * VIEWS + view
                 ldr[place] = np.round(response(label) * 255.0)
                 ln_radiance[place] = np.log(np.maximum(label, 1e-6)).clip(*LN_SCALE)

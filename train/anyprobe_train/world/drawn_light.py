@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from anyprobe.core.color import luminance
-from anyprobe.light.environment import integral, shrink
+from anyprobe.light.environment import integral, reduced
 from anyprobe_train.dataset.catalog import normalize_map
 from anyprobe_train.dataset.lighting import add_lamp, blend_maps, move_dominant_light, turn
 from anyprobe_train.dataset.room import room
@@ -35,7 +35,7 @@ def draw_real_light(rng: np.random.Generator, maps: Sequence[np.ndarray]) -> np.
         other = _turned(rng, maps[rng.integers(len(maps))])
         radiance = blend_maps(radiance, other, float(rng.uniform(0.2, 0.8)))
     elif rng.random() < MOVED:
-        radiance = _enlarged(move_dominant_light(shrink(radiance, MADE_ROWS), _anywhere(rng)))
+        radiance = _enlarged(move_dominant_light(reduced(radiance, MADE_ROWS), _anywhere(rng)))
     radiance = _contrast(rng, radiance)
     if rng.random() < LAMPS:
         radiance = with_lamps(rng, radiance, int(rng.integers(1, 4)))

@@ -15,12 +15,12 @@ import numpy as np
 from anyprobe.core.frames import turn_towards, world_from_camera
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.meshes import MESH_SUFFIXES, read_mesh
-from anyprobe.render.mesh import Mesh, transformed, waved
-from anyprobe.render.shapes import draw_shape, figure, part
+from anyprobe.render.mesh import Mesh
 from anyprobe.render.surface import pixel_rays
 from anyprobe.render.voxels import SIDE as CELLS
 from anyprobe.render.voxels import voxelize
 from anyprobe_train.dataset.catalog import STRANGE_MESHES, allows_commercial_use, listed_rows
+from anyprobe_train.dataset.drawn_shapes import draw_shape, figure, part, transformed, waved
 from anyprobe_train.dataset.surfaces import SurfaceConfig, draw_view
 from anyprobe_train.world.march import hidden_bits, nearest_faces
 
