@@ -10,8 +10,7 @@ import numpy as np
 
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.photo import Photo, inputs_of, load_photo
-from anyprobe.estimate.runtime import PHOTO_SIZE
-from anyprobe.estimate.window import crop_of
+from anyprobe.estimate.runtime import crop_of
 from anyprobe.inputs.hints import NONE
 from anyprobe.light.light_sources import find_dominant_light
 from anyprobe_train.evaluate.methods import Method
@@ -62,15 +61,15 @@ def load_lamps(folder: Path, rows: Iterable[Mapping[str, str]]) -> Iterator[Lamp
         fov_deg = float(row["fov_deg"]) if row.get("fov_deg") else None
         given = {"fov_deg": fov_deg, "mask": folder / row["mask"]}
         photo = load_photo(folder / row["photo"], **given)
-        crop, lamp = crop_of(inputs_of(photo), PHOTO_SIZE), read_direction(row["lamp"])
+        (crop, frame), lamp = crop_of(inputs_of(photo)), read_direction(row["lamp"])
         yield LampPhoto(
             name=f"{folder.resolve().name}/{row['photo']}",
             object=row.get("object") or Path(row["mask"]).stem.removesuffix("_mask"),
             photo=photo,
             alone=load_photo(folder / row["photo"], **given, surroundings=NONE),
-            crop=crop.image,
-            tan_half=crop.tan_half,
-            lamp=crop.camera_from_crop.T @ lamp,
+            crop=crop,
+            tan_half=frame[3, 0],
+            lamp=frame[:3].T @ lamp,
             in_camera=lamp,
         )
 

@@ -13,8 +13,7 @@ from anyprobe.core.latlong import bilinear
 from anyprobe.core.response import response
 from anyprobe.errors import InputError
 from anyprobe.estimate.photo import inputs_of, load_photo
-from anyprobe.estimate.runtime import PHOTO_SIZE
-from anyprobe.estimate.window import crop_of
+from anyprobe.estimate.runtime import crop_of
 from anyprobe.light.environment import MAP_HEIGHT, reduced, rotate
 from anyprobe.light.light_sources import find_dominant_light
 from anyprobe.maps.radiance import read_radiance
@@ -86,14 +85,14 @@ def load_real(folder: Path, rows: Iterable[Mapping[str, str]]) -> Iterator[RealP
         if not row.get("map"):
             continue
         photo = load_photo(folder / row["photo"], fov_deg=float(row["fov_deg"]), mask=folder / row["mask"])
-        crop = crop_of(inputs_of(photo), PHOTO_SIZE)
+        crop, frame = crop_of(inputs_of(photo))
         measured = read_radiance(folder / row["map"]) * float(row["gain"])
         yield RealPair(
             name=row["photo"],
             kind=row["kind"],
-            crop=crop.image,
-            tan_half=crop.tan_half,
-            radiance=reduced(rotate(_fit(measured), crop.camera_from_crop.T), MAP_HEIGHT).astype(np.float32),
+            crop=crop,
+            tan_half=frame[3, 0],
+            radiance=reduced(rotate(_fit(measured), frame[:3].T), MAP_HEIGHT).astype(np.float32),
         )
 
 

@@ -24,6 +24,12 @@ def resample(
     return np.asarray(Image.fromarray(np.ascontiguousarray(picture, np.float32)).resize(size, way, box=part))
 
 
+def overlaps(borders: np.ndarray, count: int) -> np.ndarray:
+    """Return the part of each of an axis' pixels that lies between each two of N + 1 borders, [N, count]."""
+    pixel = np.arange(count)
+    return np.clip(np.minimum(borders[1:, None], pixel + 1) - np.maximum(borders[:-1, None], pixel), 0.0, None)
+
+
 def widest(picture: np.ndarray, reach: int) -> np.ndarray:
     """Return the maxima over squares of 2 reach + 1 pixels around those of a picture [H, W] >= 0."""
     for _ in range(2):  # rows, then columns; Pillow's MaxFilter takes ten times as long

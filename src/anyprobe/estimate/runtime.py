@@ -10,16 +10,19 @@ from pathlib import Path
 
 import numpy as np
 
+from anyprobe.core.camera import PinholeCamera
 from anyprobe.core.contract import contract
+from anyprobe.core.frames import turn_towards
+from anyprobe.core.resample import overlaps
 from anyprobe.core.response import MEAN_CURVE
 from anyprobe.core.spelling import did_you_mean
 from anyprobe.errors import ModelError
-from anyprobe.estimate.light_graph import INPUTS, OUTPUTS, Said
-from anyprobe.estimate.window import Crop, crop_of
+from anyprobe.estimate.light_graph import CROP_MARGIN, INPUTS, OUTPUTS, Said
 from anyprobe.files.graphs import CPU, open_graph
 from anyprobe.files.onnx_runtime import onnxruntime
 from anyprobe.inputs.settings import DEFAULT_MODEL
 from anyprobe.light.environment import MAP_HEIGHT, rotate
+from anyprobe.masks.check import object_box
 from anyprobe.paper.chain import estimate_light
 
 CONTRACT = {
@@ -94,19 +97,19 @@ class Models:
     def __call__(self, inputs: Mapping[str, np.ndarray]) -> Said:
         """Estimate the light of one photo; inputs: of light_graph.graph_inputs, of which `paper` sees the object."""
         if self.stages == STAGES:
-            return self._chain(crop_of(inputs, PHOTO_SIZE))
+            return self._chain(*crop_of(inputs))
         outputs = self._sessions[LIGHT_STAGE].run(None, {name: inputs[name] for name in INPUTS})
         return Said(**{name: one[0] for name, one in zip(OUTPUTS, outputs, strict=True)})
 
-    def _chain(self, crop: Crop) -> Said:
-        photo = np.ascontiguousarray(crop.image.transpose(2, 0, 1)[None], dtype=np.float32)
-        irradiance_net, illumination_net, hdr_net = (partial(self._picture, one, crop.tan_half) for one in STAGES)
+    def _chain(self, image: np.ndarray, frame: np.ndarray) -> Said:
+        photo = np.ascontiguousarray(image.transpose(2, 0, 1)[None], dtype=np.float32)
+        irradiance_net, illumination_net, hdr_net = (partial(self._picture, one, frame[3, 0]) for one in STAGES)
         made = estimate_light(photo, irradiance_net, illumination_net, hdr_net)
         irradiance, radiance = (one[0].transpose(1, 2, 0) for one in (made.irradiance, made.radiance))
         return Said(
-            radiance=np.maximum(rotate(radiance, crop.camera_from_crop), 0.0),
-            crop=crop.image,
-            crop_frame=np.vstack([crop.camera_from_crop, [[crop.tan_half, *crop.center_px]]]),
+            radiance=np.maximum(rotate(radiance, frame[:3]), 0.0),
+            crop=image,
+            crop_frame=frame,
             irradiance=irradiance.clip(0.0, 1.0),
         )
 
@@ -115,6 +118,43 @@ class Models:
         names = (one.name for one in self._sessions[stage].get_inputs())
         values = (picture, np.full((1, 1), tan_half, np.float32))
         return self._sessions[stage].run(None, dict(zip(names, values, strict=False)))[0]
+
+
+def crop_of(inputs: Mapping[str, np.ndarray], size: int = PHOTO_SIZE) -> tuple[np.ndarray, np.ndarray]:
+    """Cut the square around the object out of its window, for the paper's chain.
+
+    Averaged over areas when shrinking, linear when enlarging, with colour premultiplied by the mask so that no
+    background bleeds in. What lies over the border of the photo is empty.
+
+    Args:
+        inputs: of light_graph.graph_inputs.
+    Returns:
+        crop [size, size, 4] and crop_frame [4, 3] of light_graph.Said.
+    """
+    window = inputs["window"][0]
+    width, height, _, left, top, step = (float(one) for one in inputs["geometry"][0])
+    x0, y0, x1, y1 = object_box(window[..., 3])
+    center, side = np.array([x0 + x1, y0 + y1]) / 2, CROP_MARGIN * max(x1 - x0, y1 - y0)
+    sides = (np.linspace(middle - side / 2, middle + side / 2, size + 1) for middle in center[::-1])
+    rows, columns = (_shares(borders, count) for borders, count in zip(sides, window.shape, strict=False))
+    mask = window[..., 3:]
+    values = np.concatenate([window[..., :3].clip(max=1.0) * mask, mask], axis=-1)
+    image = np.einsum("ih,hwc,jw->ijc", rows, values, columns, optimize=True)
+    focal = max(width, height) / 2.0 / float(inputs["lens"][0, 0])
+    x, y = (left, top) + step * center
+    ray = PinholeCamera(width=int(width), height=int(height), focal=focal).ray((x, y))
+    # away from the photo's centre a pixel takes in less: by cos^2 along the radius, by cos across it
+    tan_half = step * side / 2 / focal * (-ray[2]) ** 1.5
+    return image.clip(0.0, 1.0), np.vstack([turn_towards(ray), [[tan_half, x, y]]])
+
+
+def _shares(borders: np.ndarray, count: int) -> np.ndarray:
+    """Return the weights [S, count] float32 of an axis' pixels in samples between borders [S + 1]."""
+    step = borders[1] - borders[0]
+    if step >= 1.0:
+        return (overlaps(borders, count) / step).astype(np.float32)
+    middle = (borders[:-1] + step / 2 - 0.5)[:, None]
+    return np.clip(1.0 - np.abs(middle - np.arange(count)), 0.0, None).astype(np.float32)
 
 
 def _open(path: Path, stage: str, threads: int | None, providers: Sequence[str]) -> onnxruntime.InferenceSession:

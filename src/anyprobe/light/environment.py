@@ -10,6 +10,7 @@ from array_api_compat import array_namespace, device
 from anyprobe.core.arrays import plain_array
 from anyprobe.core.contract import contract
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
+from anyprobe.core.resample import overlaps
 from anyprobe.errors import InvalidEnvironment
 
 if TYPE_CHECKING:
@@ -48,16 +49,9 @@ def reduced(radiance: Float[np.ndarray, "H 2*H C"], rows: int = SEARCH_ROWS) -> 
     if height <= rows:
         return radiance
     weights = pixel_solid_angles(height).astype(np.float64)  # [H, 1]
-    down, across = _overlap(height, rows), _overlap(2 * height, 2 * rows)
+    down, across = (overlaps(np.linspace(0.0, n * height, n * rows + 1), n * height) for n in (1, 2))
     total = np.stack([down @ (radiance[..., c] * weights) @ across.T for c in range(radiance.shape[2])], axis=-1)
     return (total / ((down @ weights) * (height / rows))[..., None]).astype(radiance.dtype)
-
-
-def _overlap(old: int, new: int) -> np.ndarray:
-    """Return the fraction of each old cell that lies in each new one, [new, old]."""
-    borders = np.linspace(0.0, old, new + 1)
-    cells = np.arange(old)
-    return np.clip(np.minimum(borders[1:, None], cells + 1) - np.maximum(borders[:-1, None], cells), 0.0, None)
 
 
 def rotate(radiance, rotation):

@@ -13,8 +13,7 @@ from torch.nn import functional as F
 
 from anyprobe.errors import InputError
 from anyprobe.estimate.photo import Photo, inputs_of, load_photo
-from anyprobe.estimate.runtime import Models
-from anyprobe.estimate.window import crop_of
+from anyprobe.estimate.runtime import Models, crop_of
 
 GLOSSY = "glossy"
 """Word in the material of lights.csv by which an object is specular."""
@@ -44,9 +43,9 @@ def cropped(photos: Iterable[Photo], side: int) -> RealPhotos:
     pictures, normals, turns = [], [], []
     for photo in photos:
         inputs = inputs_of(photo)
-        crop = crop_of(inputs, side)
-        pictures.append(torch.from_numpy(crop.image.transpose(2, 0, 1).copy()))
-        turns.append(crop.camera_from_crop)
+        image, frame = crop_of(inputs, side)
+        pictures.append(torch.from_numpy(image.transpose(2, 0, 1).copy()))
+        turns.append(frame[:3])
         said = lift(inputs).object_normals
         assert said is not None
         resized = F.interpolate(torch.from_numpy(said.transpose(2, 0, 1).copy())[None], (side, side), mode="bilinear")
