@@ -16,7 +16,7 @@ from anyprobe.export.cube_textures import box_mips, cube_faces, face_directions,
 from anyprobe.export.exported_light import prepare
 from anyprobe.export.scene_files import pack_rgbd, prefiltered
 from anyprobe.export.targets import export
-from anyprobe.light.environment import shrink
+from anyprobe.light.environment import reduced
 from anyprobe.light.harmonics import sh_basis
 from anyprobe.light.light_sources import split_sources
 
@@ -219,7 +219,7 @@ def test_a_sun_between_the_points_of_a_large_map_is_not_lost():
     sun = np.where(d @ (0.48, 0.6, -0.64) > np.cos(np.radians(0.55)), 1e4, 0.01)
     large = np.repeat(sun[..., None], 3, axis=-1).astype(np.float32)
     assert 30 < (sun > 1).sum() < 50
-    found, expected = (prefiltered(one, 32)[-1].max() for one in (large, shrink(large, 128)))
+    found, expected = (prefiltered(one, 32)[-1].max() for one in (large, reduced(large, 128)))
     assert found == pytest.approx(expected, rel=0.05)
 
 
