@@ -54,6 +54,8 @@ SOFT_FROM = 0.5
 LENS_UNIT, ANGLE_UNIT = 0.1, float(np.radians(10.0))
 """Errors that count as one: of ln of the tangent, and of the camera's posture [radians]."""
 METAL = 0.5
+OUT_OF_ORDER = 1.0
+"""Price of a source found by another slot than that of its rank: slots that are all alike learn nothing of existence."""
 
 
 def laplace(error: torch.Tensor, ln_scale: torch.Tensor) -> torch.Tensor:
@@ -85,6 +87,7 @@ class LightLoss:
         place_angles = place_angles.expand(-1, 2 * SOURCE_ROWS).flatten()
         self._cosine, self._ln_angles = cosine * place_angles, place_angles.log()
         self._orders = torch.tensor(list(permutations(range(SLOTS))), device=device)
+        self._disorder = OUT_OF_ORDER * (self._orders != torch.arange(SLOTS, device=device)).float()
 
     @staticmethod
     def _at(rows: int, device: str) -> torch.Tensor:
@@ -145,7 +148,7 @@ class LightLoss:
         return level, torch.acos(cosine) / ANGLE_UNIT
 
     def of_sources(self, guess: LightAnswer, truth: LightTruth) -> dict[str, torch.Tensor]:
-        """Compare sources with the true ones, in the order in which they fit best."""
+        """Compare sources with the true ones, in the order in which they fit best: by rank, unless it is clearly another."""
         true = truth.sources
         cosine = true[:, :, 1:4] @ self._places.T  # [N, S, 2048]
         target = torch.softmax((cosine - 1.0) / (1 - np.cos(np.radians(SOURCE_PLACE_DEG))) + self._ln_angles, dim=2)
@@ -154,8 +157,9 @@ class LightLoss:
         there = true[:, :, 0] > 0.5
         found = F.softplus(-guess.exists)[:, None]  # of slot s, [N, 1, S]
         price = there[:, :, None].float() * (cost + found)
-        total = torch.stack([price[:, range(SLOTS), order].sum(dim=1) for order in self._orders])
-        order = self._orders[total.argmin(dim=0)]  # slot of each true source, [N, S]
+        price = price[:, range(SLOTS), self._orders]  # [N, orders, S]
+        total = (price + there[:, None].float() * self._disorder).sum(dim=2)
+        order = self._orders[total.argmin(dim=1)]  # slot of each true source, [N, S]
         cost = cost.gather(2, order[:, :, None])[..., 0]
         slots = {name: getattr(guess, name) for name in ("exists", "ln_radius", "ln_powers", "directions")}
         of = {k: v.gather(1, order if v.dim() == 2 else order[..., None].expand(-1, -1, 3)) for k, v in slots.items()}
