@@ -55,7 +55,7 @@ LENS_UNIT, ANGLE_UNIT = 0.1, float(np.radians(10.0))
 """Errors that count as one: of ln of the tangent, and of the camera's posture [radians]."""
 METAL = 0.5
 OUT_OF_ORDER = 1.0
-"""Price of a source found by another slot than that of its rank: slots that are all alike learn nothing of existence."""
+"""Price of a source found by another slot than that of its rank: slots that are all alike would learn of none."""
 
 
 def laplace(error: torch.Tensor, ln_scale: torch.Tensor) -> torch.Tensor:
@@ -148,7 +148,7 @@ class LightLoss:
         return level, torch.acos(cosine) / ANGLE_UNIT
 
     def of_sources(self, guess: LightAnswer, truth: LightTruth) -> dict[str, torch.Tensor]:
-        """Compare sources with the true ones, in the order in which they fit best: by rank, unless it is clearly another."""
+        """Compare sources with the true ones in the order in which they fit best: by rank unless another is clearly so."""
         true = truth.sources
         cosine = true[:, :, 1:4] @ self._places.T  # [N, S, 2048]
         target = torch.softmax((cosine - 1.0) / (1 - np.cos(np.radians(SOURCE_PLACE_DEG))) + self._ln_angles, dim=2)
