@@ -66,8 +66,6 @@ export default async ({ page, url, arguments: given }) => {
     await tell("fov", () => probe.estimate(image, { fovDeg: 190 }));
     await tell("unknown", () => probe.estimate(image, { fov: 30 }));
     await tell("material", () => probe.estimate(image, { material: "unobtainium" }));
-    await tell("engine", () => AnyProbe.load({ engine: "webgl" }));
-    await tell("webgpu", () => AnyProbe.load({ engine: "webgpu" }));
     await tell("weights", () => AnyProbe.load({ weights: { light: "./absent.onnx" } }));
     await tell("runtime", () => AnyProbe.load({ runtime: "./absent/" }));
     await tell("aborted early", () => probe.estimate(image, { signal: AbortSignal.abort() }));
@@ -83,6 +81,6 @@ export default async ({ page, url, arguments: given }) => {
     await tell("track after", () => probe.track(document.createElement("video"), () => {}));
     const size = { width: kept.width, height: kept.height, length: kept.data.length };
     const covered = found.reduce((sum, value) => sum + value, 0) / found.length;
-    return { sh9, refused, covered, mask: size, quality, hasWebgpu: Boolean(await navigator.gpu?.requestAdapter()) };
+    return { sh9, refused, covered, mask: size, quality };
   });
 };

@@ -9,7 +9,7 @@ import { openPage } from "./page_steps.mjs";
 
 export default async ({ page, context, url, arguments: given }) => {
   await context.grantPermissions(["camera"], { origin: new URL(url).origin });
-  await openPage(page, url, given.query ?? "?engine=wasm");
+  await openPage(page, url, given.query);
   await page.evaluate(() => {
     globalThis.seen = { lights: [], rates: [], changes: [], pictures: [], camera: [] };
     document.addEventListener("anyprobe-light", ({ detail: { light, ms } }) => {

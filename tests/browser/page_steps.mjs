@@ -1,7 +1,7 @@
 // What several tests of the live page do: open it, wait for its line of status.
 
 /** Open the page and wait until it is finished; says what it asked other machines for. */
-export async function openPage(page, url, query = "?engine=wasm") {
+export async function openPage(page, url, query = "") {
   const elsewhere = [];
   page.on("request", (request) => {
     const { origin, protocol } = new URL(request.url());

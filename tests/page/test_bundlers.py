@@ -72,10 +72,6 @@ def test_build_gives_pythons_light(packed, photo, expected, tmp_path, name):
         ('import { encodeHdr } from "anyprobe/core"; globalThis.x = encodeHdr;', []),
         ('import { ProbeLight } from "anyprobe/three"; globalThis.x = ProbeLight;', []),
         ('import { AnyProbe } from "anyprobe"; globalThis.x = AnyProbe;', ["light", "mask", "ort-wasm-simd-threaded"]),
-        (
-            'import { AnyProbe } from "anyprobe/webgpu"; globalThis.x = AnyProbe;',
-            ["light", "mask", "ort-wasm-simd-threaded.jspi"],
-        ),
     ],
 )
 def test_only_what_is_used_is_emitted(packed, tmp_path, program, files):
@@ -85,8 +81,7 @@ def test_only_what_is_used_is_emitted(packed, tmp_path, program, files):
     assert len(found) == len(files), found
     for file in files:
         assert any(name.startswith(file) for name in found), (file, found)
-    if "ort-wasm-simd-threaded" in files:
-        assert not any("jspi" in name for name in found)
+    assert not any("jspi" in name for name in found)
 
 
 @pytest.mark.slow

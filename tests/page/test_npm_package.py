@@ -201,7 +201,6 @@ def test_every_kind_of_picture_gives_one_light_and_faults_are_named(plain_site, 
         assert refused[name]["name"] == "AnyProbeError", name
         assert refused[name]["code"] == code, name
         assert re.search(line, refused[name]["message"]), (name, refused[name])
-    assert seen["hasWebgpu"] or refused["webgpu"]["code"] == "unsupported"
     assert refused["aborted"]["name"] == "AbortError"
     assert refused["aborted early"]["name"] == "AbortError"
 
@@ -249,7 +248,6 @@ EXPECTED_FAULTS = {
     "fov": ("invalid-option", "^fovDeg: expected degrees between 1 and 170.* got 190"),
     "unknown": ("invalid-option", "^estimate: unknown option fov; expected of click,"),
     "material": ("invalid-option", "^material: expected one of "),
-    "engine": ("invalid-option", 'expected wasm or webgpu, got "webgl"'),
     "weights": ("fetch-failed", r"absent\.onnx could not be fetched from .*absent\.onnx \(answer 404\)"),
     "runtime": ("fetch-failed", "the runtime could not be fetched|could not be fetched"),
     "disposed": ("disposed", "disposed"),

@@ -11,14 +11,7 @@ import { sourceDigest } from "./digest.js";
 
 const web = fileURLToPath(new URL("..", import.meta.url));
 const page = join(web, "../src/anyprobe/serve/page");
-const RUNTIME = [
-  "ort.wasm.min.mjs",
-  "ort-wasm-simd-threaded.mjs",
-  "ort-wasm-simd-threaded.wasm",
-  "ort.jspi.min.mjs",
-  "ort-wasm-simd-threaded.jspi.mjs",
-  "ort-wasm-simd-threaded.jspi.wasm",
-];
+const RUNTIME = ["ort.wasm.min.mjs", "ort-wasm-simd-threaded.mjs", "ort-wasm-simd-threaded.wasm"];
 const BUNDLED = ["three", "onnxruntime-web", "swagger-ui-dist"];
 const PACK_FROM_BYTES = 100_000;
 const PACKED_KINDS = /\.(js|mjs|css|wasm)$/;

@@ -12,14 +12,12 @@ export class ProbeOpener {
     Object.assign(this, { config, onProgress, sparedCores, opened: null });
   }
 
-  /** ?engine= and ?threads= in the page's address have their way. @returns {Promise<AnyProbe>} */
+  /** ?threads= in the page's address has its way. @returns {Promise<AnyProbe>} */
   open() {
     const at = (path) => new URL(path, document.baseURI).href;
-    const asked = new URLSearchParams(location.search);
     const spare = Math.max((navigator.hardwareConcurrency || 1) - this.sparedCores, 1);
-    const threads = asked.get("threads") ?? spare;
+    const threads = new URLSearchParams(location.search).get("threads") ?? spare;
     this.opened ??= AnyProbe.load({
-      engine: asked.get("engine") ?? "wasm", // the graph computes in int8, made for processors
       threads: Number(threads) || threads,
       weights: Object.fromEntries(Object.entries(this.config.weights).map(([stage, path]) => [stage, at(path)])),
       runtime: at("ort/"),

@@ -13,7 +13,7 @@ const CONTROLS = {
   material: null,
 };
 
-const LABELS = { pitchDeg: "“Camera pitch”", surroundings: "“Look at”", click: "the click", exclude: "the click with Shift", box: "the box", engine: "?engine", threads: "?threads" };
+const LABELS = { pitchDeg: "“Camera pitch”", surroundings: "“Look at”", click: "the click", exclude: "the click with Shift", box: "the box", threads: "?threads" };
 
 /** What can be done about a file that cannot be opened. */
 const ACTIONS = {

@@ -46,7 +46,7 @@ export class AnyProbe {
       try {
         return [client, await client.ask("open", asked, signal)];
       } catch (error) {
-        client.end(); // an engine that did not open once never does
+        client.end(); // a runtime that did not open once never does
         throw error;
       }
     };

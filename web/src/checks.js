@@ -14,7 +14,7 @@ const CALLED = ["onError", "onOutline", "onLost", "onMissed", "onProgress", "pos
 
 /** Names of the options of each method. */
 export const OPTIONS = {
-  load: ["engine", "threads", "weights", "runtime", "worker", "onProgress", "signal"],
+  load: ["threads", "weights", "runtime", "worker", "onProgress", "signal"],
   fetchMaskNetwork: ["onProgress"],
   mask: [...HINTS, "signal"],
   estimate: [...HINTS, ...LENS, ...LIGHT, "mask", "normals", "signal"],

@@ -1,5 +1,5 @@
 /**
- * What "anyprobe" and "anyprobe/webgpu" are to a bundler that copies no files, such as esbuild and Rollup: weights, runtime and
+ * What "anyprobe" is to a bundler that copies no files, such as esbuild and Rollup: weights, runtime and
  * worker would be missing at run time. The build fails, as nothing is exported, and the error names this file.
  */
 

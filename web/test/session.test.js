@@ -82,7 +82,7 @@ function begin({ opening = Promise.resolve(), play = async () => {} } = {}) {
   const page = { shown: 0, faults: [], placed: [], opened: [], drawn: [], asked };
   const networks = {
     spares: [],
-    open: () => opening.then(() => new AnyProbe(networks, { hasMask: true, engine: "wasm", threads: 1 })),
+    open: () => opening.then(() => new AnyProbe(networks, { hasMask: true, threads: 1 })),
     check: () => {},
     ask: async (task, given) => void asked.push({ task, ...given }),
     give: () => {},

@@ -28,7 +28,6 @@ for (const [list, ask, meant] of [
   ["parts of a material", () => givenMaterial({ name: "gold", rougness: 0.5 }), "roughness"],
   ["surroundings", () => checkNames("tracker.set", { surroundings: "phot" }), "photo"],
   ["options", () => checkNames("estimate", { clik: [1, 2] }), "click"],
-  ["engines", () => checkSetup({ engine: "webgp" }, {}), "webgpu"],
   ["graphs", () => checkSetup({ weights: { lihgt: "light.onnx" } }, { worker: () => {} }), "light"],
 ]) {
   test(`of ${list} the one that was meant is named`, () => {

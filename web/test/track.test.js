@@ -26,7 +26,7 @@ const streamOf = (...tracks) => ({ getVideoTracks: () => tracks });
 /** A probe whose thread answers everything at once. */
 function open(answers = {}) {
   const client = { spares: [], check: () => {}, give: () => {}, ask: async (task) => answers[task] };
-  return new AnyProbe(client, { hasMask: true, engine: "wasm", threads: 1 });
+  return new AnyProbe(client, { hasMask: true, threads: 1 });
 }
 
 test("what holds no frames is refused at once, by a probe and by its light", () => {
@@ -71,7 +71,7 @@ test("a mark that finds nothing is told of beside the light of the object before
   const client = { spares: [], check: () => {}, give: () => {}, ask: async () => {} };
   const seen = [];
   globalThis.createImageBitmap = async () => ({});
-  const probe = new AnyProbe(client, { hasMask: true, engine: "wasm", threads: 1 });
+  const probe = new AnyProbe(client, { hasMask: true, threads: 1 });
   const tracker = probe.track(null, () => seen.push("light"), { onMissed: () => seen.push("missed") });
   await tracker.offer({ videoWidth: 64, videoHeight: 48, readyState: 2 });
   const light = { radiance: new Float32Array(64 * 128 * 3).fill(0.5), dominant: {}, warnings: [] };
@@ -245,7 +245,7 @@ test("a video that has told its size alone is waited for", async () => {
   const told = [];
   globalThis.createImageBitmap = async () => ({});
   const client = { spares: [], check: () => {}, give: (taken) => told.push(taken), ask: async (task) => void told.push(task) };
-  const tracker = new AnyProbe(client, { hasMask: true, engine: "wasm", threads: 1 }).track(null, () => {});
+  const tracker = new AnyProbe(client, { hasMask: true, threads: 1 }).track(null, () => {});
   const video = { videoWidth: 64, videoHeight: 48, readyState: 1 };
   await tracker.offer(video);
   assert.deepEqual([tracker.running, told], [true, []]);
@@ -259,7 +259,7 @@ test("a light of the source before is not the new one's, and pictures that nobod
   globalThis.createImageBitmap = async () => ({ close: () => closed++ });
   const client = { spares: [], check: () => {}, give: () => {}, ask: (task) => new Promise((resolve) => task === "open" && (opened = resolve)) };
   const heard = [];
-  const tracker = new AnyProbe(client, { hasMask: true, engine: "wasm", threads: 1 }).track(null, () => {}, { onLost: () => heard.push("lost") });
+  const tracker = new AnyProbe(client, { hasMask: true, threads: 1 }).track(null, () => {}, { onLost: () => heard.push("lost") });
   const offered = tracker.offer({ width: 64, height: 48 });
   client.onLive({ lost: true });
   assert.deepEqual(heard, []);
@@ -277,7 +277,7 @@ test("a light of the source before is not the new one's, and pictures that nobod
 test("an empty list of marks is none, and a given mask is looked at", async () => {
   const asked = [];
   const client = { spares: [], check: () => {}, ask: async (task, given) => (asked.push([task, given]), { light: { radiance: new Float32Array(3), warnings: [] } }) };
-  const probe = new AnyProbe(client, { hasMask: true, engine: "wasm", threads: 1 });
+  const probe = new AnyProbe(client, { hasMask: true, threads: 1 });
   const rgba = new Uint8ClampedArray(4 * 64 * 64).map((_, i) => (i % 4 === 3 && Math.floor(i / 4) % 64 < 32 ? 0 : 200));
   await probe.estimate({ width: 64, height: 64, rgba }, { click: [], exclude: [] }).catch(() => {});
   assert.deepEqual(asked.map(([task]) => task), ["estimate"]);
@@ -293,7 +293,7 @@ test("a canvas with pixels of another origin is told of as a picture is", async 
     throw Object.assign(new Error("Non-origin-clean ImageBitmap"), { name: "DataCloneError", code: 25 });
   };
   const client = { spares: [], check: () => {}, give, ask: async () => {} };
-  const tracker = new AnyProbe(client, { hasMask: true, engine: "wasm", threads: 1 }).track(null, () => {});
+  const tracker = new AnyProbe(client, { hasMask: true, threads: 1 }).track(null, () => {});
   const foreign = { name: "AnyProbeError", code: "invalid-image", message: /^frame: .* another origin; set crossOrigin$/ };
   await assert.rejects(tracker.offer({ width: 64, height: 48 }), foreign);
 });
@@ -315,7 +315,7 @@ test("masks of the app's own go with the frames: one, one for each, and what Med
     const masks = [];
     const client = { spares: [], check: () => {}, give: (_, time, pose, mask) => masks.push(mask), ask: async () => {} };
     const faults = [];
-    const probe = new AnyProbe(client, { hasMask: false, engine: "wasm", threads: 1 });
+    const probe = new AnyProbe(client, { hasMask: false, threads: 1 });
     const tracker = probe.track(null, () => {}, { ...options, onError: ({ code, message }) => faults.push(`${code} ${message}`) });
     for (let i = 0; i < 2; i++) await tracker.offer(frame, about).catch(() => {});
     return { masks, faults };

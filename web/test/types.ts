@@ -4,12 +4,11 @@ import { Mesh, PerspectiveCamera, Scene, WebGLRenderer } from "three";
 import { AnyProbe, AnyProbeError, Light, encodeHdr, irradiance } from "anyprobe";
 import { AnyProbe as Core } from "anyprobe/core";
 import { encodeExr } from "anyprobe/exr";
-import { AnyProbe as OnGpu } from "anyprobe/webgpu";
 import type { XREstimatedLight } from "three/addons/webxr/XREstimatedLight.js";
 import { ContactShadow, EnvironmentTexture, MaskOccluder, ProbeLight, groundShadowOpacity, installCameraCurve } from "anyprobe/three";
 
 export async function use(image: HTMLImageElement, video: HTMLVideoElement, scene: Scene, renderer: WebGLRenderer) {
-  const probe = await AnyProbe.load({ engine: "wasm", threads: 2 });
+  const probe = await AnyProbe.load({ threads: 2 });
   const light: Light = await probe.estimate(image, { click: [10, 20], exclude: [[1, 2], [3, 4]] });
   const [r]: [number, number, number] = irradiance(light.sh9, [0, 1, 0]);
   const { width, data } = new Light(structuredClone(light)).environment;
@@ -39,7 +38,7 @@ export async function use(image: HTMLImageElement, video: HTMLVideoElement, scen
   scene.add(lights, shadow, new MaskOccluder().group);
   scene.environment = new EnvironmentTexture().update(light.prefiltered);
   await Core.load({ weights: { light: "light.onnx" }, runtime: new URL("ort/", "https://localhost/") });
-  await OnGpu.load({ signal: AbortSignal.timeout(9), onProgress: ({ loaded, total, stalled }) => [loaded + (total ?? 0), stalled] });
+  await AnyProbe.load({ signal: AbortSignal.timeout(9), onProgress: ({ loaded, total, stalled }) => [loaded + (total ?? 0), stalled] });
   const { projectionMatrix } = new PerspectiveCamera();
   const found = await probe.estimate(new Blob(), { projectionMatrix, signal: new AbortController().signal });
   if (found.mask) new MaskOccluder().show(found.mask, 5, 500);
@@ -54,7 +53,7 @@ export async function use(image: HTMLImageElement, video: HTMLVideoElement, scen
   new AnyProbeError("broken", code);
   // @ts-expect-error a picture is needed
   await probe.estimate(null);
-  // @ts-expect-error there is no such engine
+  // @ts-expect-error there is no such option
   await AnyProbe.load({ engine: "webgl" });
   // @ts-expect-error a click is two numbers
   await probe.estimate(image, { click: 3 });

@@ -43,7 +43,7 @@ function openProbe() {
   };
   const found = { mask: new Float32Array(1), quality: 0, warnings: [] };
   const client = { spares: [], check: () => {}, give: () => {}, ask: async (task) => (task === "mark" ? found : assert.fail("nothing was refused")) };
-  return new AnyProbe(client, { hasMask: true, engine: "wasm", threads: 1 });
+  return new AnyProbe(client, { hasMask: true, threads: 1 });
 }
 
 for (const [name, { problem, browser }] of Object.entries(cases)) {

@@ -70,9 +70,7 @@ export interface Cancellable {
 }
 
 export interface LoadOptions extends Cancellable {
-  /** What runs the networks: each entry of the package has its own, the import map's has both. */
-  engine?: "wasm" | "webgpu";
-  /** Of WASM, at most 4, and 1 on pages that are not cross-origin isolated. Default: one a core. */
+  /** At most 4, and 1 on pages that are not cross-origin isolated. Default: one a core. */
   threads?: number;
   /** Graphs in the place of those in this package, or beside them. */
   weights?: MaskGraphs | (LightGraphs & MaskGraphs);
@@ -287,7 +285,6 @@ export declare class AnyProbe {
   static load(options?: LoadOptions): Promise<AnyProbe>;
   /** The better mask network, for weights.u2netp, from the address of u2netp.onnx; fetched once, and kept in the browser's cache. */
   static fetchMaskNetwork(address: string | URL, options?: { onProgress?: (progress: Progress) => void }): Promise<Uint8Array>;
-  readonly engine: "wasm" | "webgpu";
   readonly threads: number;
   readonly hasMask: boolean;
   /** What finds objects. */

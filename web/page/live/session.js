@@ -66,8 +66,8 @@ export class LiveSession {
     this.#begin();
     const probe = await opening;
     if (this.live !== live) return;
-    const { hasMask, engine, threads } = probe;
-    this.engine = `${engine === "webgpu" ? "WebGPU" : "WASM"}, ${threads} thread${threads > 1 ? "s" : ""}`;
+    const { hasMask, threads } = probe;
+    this.threads = `${threads} thread${threads > 1 ? "s" : ""}`;
     live.tracker = probe.track(video, (_, answer) => this.#show(answer), {
       ...live.hints,
       ...this.options(),
@@ -233,7 +233,7 @@ export class LiveSession {
 
   #showRates() {
     const { updates } = this.live.tracker.rates();
-    element("rates").textContent = `${updates.toFixed(0)} lights a second · ${this.engine}`;
+    element("rates").textContent = `${updates.toFixed(0)} lights a second · ${this.threads}`;
     element("rates").hidden = false;
   }
 }

@@ -12,17 +12,13 @@ import { INPUTS } from "./lightGraph.js";
 const MASK_SIZE = CONTRACT.mask.small.size;
 const U2NETP_SIZE = CONTRACT.mask.u2netp.size;
 
-/** In NHWC, its default, ONNX Runtime 1.30 on WebGPU gets 3x3 convolutions wrong of 6, 9, 15, 18... input channels. */
-const PROVIDERS = { wasm: "wasm", webgpu: { name: "webgpu", preferredLayout: "NCHW" } };
-
 export class Models {
   /**
    * @param {object} ort the runtime's module
    * @param {Record<string, object>} sessions open sessions by stage: "light", "mask", "u2netp"
-   * @param {string} provider what runs them: "webgpu" or "wasm"
    */
-  constructor(ort, sessions, provider) {
-    Object.assign(this, { ort, sessions, provider });
+  constructor(ort, sessions) {
+    Object.assign(this, { ort, sessions });
   }
 
   /**
@@ -30,20 +26,20 @@ export class Models {
    *
    * @param {object} ort
    * @param {Record<string, {url: string, integrity?: string} | Uint8Array>} weights address of each graph, or its bytes
-   * @param {{providers?: string[], onProgress?: (progress: import("../files/download.js").Progress) => void}} [options]
+   * @param {{onProgress?: (progress: import("../files/download.js").Progress) => void}} [options]
    */
-  static async open(ort, weights, { providers = ["wasm"], onProgress = () => {} } = {}) {
+  static async open(ort, weights, { onProgress = () => {} } = {}) {
     const sessions = {};
     for (const [stage, graph] of Object.entries(weights)) {
       sessions[stage] = await ort.InferenceSession.create(await graphOf(graph, onProgress), {
-        executionProviders: providers.map((name) => PROVIDERS[name]),
+        executionProviders: ["wasm"],
         graphOptimizationLevel: "all",
         extra: { session: { disable_quant_qdq: "1" } }, // small weights are widened once, not at each run
         logSeverityLevel: 3, // errors: it warns that shapes are computed on the processor, as they should be
       });
     }
     const { inputNames } = sessions.light ?? { inputNames: INPUTS };
-    if (INPUTS.every((name) => inputNames.includes(name))) return new Models(ort, sessions, providers[0]);
+    if (INPUTS.every((name) => inputNames.includes(name))) return new Models(ort, sessions);
     throw new AnyProbeError("invalid-option", `expected a graph of ${INPUTS.join(", ")}, got one of ${inputNames.join(", ")}`, { subject: ["weights.light"] });
   }
 

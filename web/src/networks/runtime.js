@@ -1,4 +1,4 @@
-/** onnxruntime-web in the networks' thread: WASM with threads, or WebGPU where that is asked for. */
+/** onnxruntime-web in the networks' thread: WASM, with threads where the page allows them. */
 
 import { AnyProbeError } from "../errors.js";
 import { download } from "../files/download.js";
@@ -6,9 +6,8 @@ import { download } from "../files/download.js";
 /** More threads than this gain nothing on networks of this size. */
 const MAX_THREADS = 4;
 
-/** The build with WebGPU waits for the GPU by JSPI, which every browser it is offered to must have. */
-const MODULES = { wasm: "ort.wasm.min.mjs", webgpu: "ort.jspi.min.mjs" };
-const BINARIES = { wasm: "ort-wasm-simd-threaded.wasm", webgpu: "ort-wasm-simd-threaded.jspi.wasm" };
+/** In the folder of onnxruntime-web's files. */
+const [MODULE, BINARY] = ["ort.wasm.min.mjs", "ort-wasm-simd-threaded.wasm"];
 
 /** Threads that have not started after so long never do; only their start counts, not what is fetched. */
 const START_MS = 20_000;
@@ -22,22 +21,18 @@ export function provideRuntime(ort) {
 
 /**
  * @param {Runtime} runtime
- * @param {"wasm" | "webgpu"} engine
  * @param {number} most threads
  * @param {(progress: import("../files/download.js").Progress) => void} onProgress
  * @returns {Promise<{ort: object, threads: number}>}
  * @typedef {string | {module: string, wasm: string} | {glue: string, wasm: string}} Runtime address of the folder of
- *   onnxruntime-web's files; or of its module with the glue in it, and its .wasm, for this engine; or where the module is
- *   bundled of its glue and its .wasm
+ *   onnxruntime-web's files; or of its module with the glue in it, and its .wasm; or where the module is bundled of its
+ *   glue and its .wasm
  */
-export async function openRuntime(runtime, engine, most, onProgress) {
-  if (engine === "webgpu" && !(await navigator.gpu?.requestAdapter())) {
-    throw new AnyProbeError("unsupported", "engine webgpu: expected a browser with WebGPU, got none; use wasm");
-  }
+export async function openRuntime(runtime, most, onProgress) {
   const isFolder = typeof runtime === "string";
-  const fetching = download(isFolder ? runtime + BINARIES[engine] : runtime.wasm, { onProgress });
+  const fetching = download(isFolder ? runtime + BINARY : runtime.wasm, { onProgress });
   fetching.catch(() => {}); // thrown where it is awaited
-  const ort = await moduleOf(runtime, engine);
+  const ort = await moduleOf(runtime);
   // threads share memory, which a browser allows to isolated pages only (COOP and COEP)
   const threads = self.crossOriginIsolated ? Math.min(most, MAX_THREADS) : 1;
   ort.env.wasm.wasmPaths = isFolder ? runtime : { wasm: runtime.wasm, mjs: runtime.glue };
@@ -48,8 +43,8 @@ export async function openRuntime(runtime, engine, most, onProgress) {
   return { ort, threads };
 }
 
-async function moduleOf(runtime, engine) {
-  const url = typeof runtime === "string" ? runtime + MODULES[engine] : runtime.module;
+async function moduleOf(runtime) {
+  const url = typeof runtime === "string" ? runtime + MODULE : runtime.module;
   if (bundled && (typeof runtime === "string" || !url)) return bundled;
   try {
     return await import(/* @vite-ignore */ /* webpackIgnore: true */ /* turbopackIgnore: true */ url);

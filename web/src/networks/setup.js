@@ -4,8 +4,6 @@ import { AnyProbeError } from "../errors.js";
 import { wrong } from "../checks.js";
 import { didYouMean } from "../spelling.js";
 
-const ENGINES = ["wasm", "webgpu"];
-
 /** Where each is missing, anyprobe cannot run; and since which browsers it is not. */
 const NEEDED = {
   Worker: "any browser of today",
@@ -41,17 +39,10 @@ export function safariOf(agent) {
  * @param {import("../../types/index.d.ts").LoadOptions} options
  * @param {object} files an entry's own, where options say nothing
  */
-export function checkSetup({ engine = "wasm", threads, onProgress = () => {}, ...options }, files) {
-  if (!ENGINES.includes(engine)) throw wrong("engine", ENGINES.join(" or "), engine, ENGINES);
+export function checkSetup({ threads, onProgress = () => {}, ...options }, files) {
   const least = threads ?? (globalThis.navigator?.hardwareConcurrency || 1);
   if (!(Number.isInteger(least) && least >= 1)) throw wrong("threads", "a whole number from 1 on", threads);
-  const bundles = files.engines ?? ENGINES;
-  if (!bundles.includes(engine)) {
-    const other = engine === "webgpu" ? "anyprobe/webgpu" : "anyprobe";
-    throw new AnyProbeError("invalid-option", `engine ${engine}: import AnyProbe from ${other}, which brings its runtime`);
-  }
   return {
-    engine,
     threads: least,
     onProgress,
     worker: starterOf(options.worker ?? files.worker),

@@ -28,14 +28,14 @@ let models = null;
 let marking = Promise.resolve();
 
 const still = {
-  async open({ runtime, weights, engine, threads: most }) {
+  async open({ runtime, weights, threads: most }) {
     const onProgress = (progress) => deliver({ progress });
     let threads = 1;
     try {
-      const opened = await openRuntime(runtime, engine, most, onProgress);
+      const opened = await openRuntime(runtime, most, onProgress);
       threads = opened.threads;
-      models = await Models.open(opened.ort, weights, { providers: [engine], onProgress });
-      return { engine, threads };
+      models = await Models.open(opened.ort, weights, { onProgress });
+      return { threads };
     } catch (error) {
       throw openingFault(error, threads, typeof runtime !== "string");
     }
