@@ -148,7 +148,7 @@ class LightLoss:
         return level, torch.acos(cosine) / ANGLE_UNIT
 
     def of_sources(self, guess: LightAnswer, truth: LightTruth) -> dict[str, torch.Tensor]:
-        """Compare sources with the true ones in the order in which they fit best: by rank unless another is clearly so."""
+        """Compare sources with the true ones in the order that fits best: by rank unless another clearly does."""
         true = truth.sources
         cosine = true[:, :, 1:4] @ self._places.T  # [N, S, 2048]
         target = torch.softmax((cosine - 1.0) / (1 - np.cos(np.radians(SOURCE_PLACE_DEG))) + self._ln_angles, dim=2)
