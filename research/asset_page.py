@@ -55,11 +55,11 @@ They are not in the repository, and no network is trained on them.
 
 `anyprobe-train data test DIR` fetches the sources below at a fixed commit each, prepares them and checks SHA-256: all
 30 maps, and of the shapes drill and goathead. It writes `DIR/frozen_public.txt`, the 224 of the 1,000 frozen recipes
-that these suffice for ([evaluation](evaluation.md)). The other seven shapes cannot be had: what decimated them and
-closed their holes was not recorded, and other software makes another SHA-256. How files are prepared:
+that these suffice for ([evaluation](evaluation.md)). How the other seven shapes were decimated was not recorded, so they
+cannot be had. Preparation:
 
-- **Maps**: read as linear floats; NaN, infinite and negative values set to 0; averaged to 512 x 256 pixels, columns
-  as in the source; halved until nothing is above 65,504; OpenEXR with half floats and PIZ compression.
+- **Maps**: read as linear floats; NaN, infinite and negative values set to 0; averaged to 512 x 256 pixels; halved until
+  nothing is above 65,504; OpenEXR with half floats and PIZ compression.
 - **Shapes**: vertices merged, small loose parts removed, holes closed, decimated to 16,000 triangles at most, +Y up,
   smallest enclosing sphere of radius 1 around the origin; binary PLY.
 
