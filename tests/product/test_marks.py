@@ -23,6 +23,15 @@ def test_rows_are_read_in_each_usual_form(tmp_path):
         assert read_marks(path) == wanted
 
 
+def test_a_spreadsheet_s_unicode_text_is_read_and_another_encoding_is_named(tmp_path):
+    path = tmp_path / "marks.csv"
+    path.write_bytes("photo\tclick\r\nä.png\t5,6\r\n".encode("utf-16"))
+    assert read_marks(path) == {"ä.png": {"click": [(5.0, 6.0)]}}
+    path.write_bytes("photo,click\nä.png,\"5,6\"\n".encode("latin-1"))
+    with refused(naming="UTF-8"):
+        read_marks(path)
+
+
 @pytest.mark.parametrize(
     ("text", "naming", "subject"),
     [

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -28,9 +29,13 @@ def read_marks(path: Path) -> Marks:
     delimiter, ; or a tab, is used, and spaces between clicks.
 
     Raises:
-        InputError: no such file, an unknown column, a photo named twice, or numbers that are none; names the row.
+        InputError: no such file, no UTF-8 or marked UTF-16, an unknown column, a photo named twice, or numbers that are none; names the row.
     """
-    text = read_regular(path, str(path), InputError, "a CSV file", MAX_BYTES).decode("utf-8-sig", errors="replace")
+    data = read_regular(path, str(path), InputError, "a CSV file", MAX_BYTES)
+    try:
+        text = data.decode("utf-16" if data.startswith((BOM_UTF16_LE, BOM_UTF16_BE)) else "utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError("expected text in UTF-8, got other bytes; save it as CSV UTF-8", source=path) from error
     first = text.partition("\n")[0]
     delimiter = next((one for one in ("\t", ";") if one in first), ",")
     reader = csv.DictReader(io.StringIO(text, newline=""), delimiter=delimiter, skipinitialspace=True)
