@@ -6,9 +6,13 @@ command line, HTTP, the page, Blender and ComfyUI each have a Words that renames
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
+
+CONTROLS = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]+")
+"""Ends of lines, and codes by which the name of a file would move a terminal's cursor."""
 
 FETCH_MASKS, CHOOSE_PHOTO, USE_VIDEO, RESTART = "fetch-masks", "choose-photo", "use-video", "restart"
 _ACTIONS = {
@@ -155,7 +159,7 @@ class Words:
         """Render a notice, an error or a plain text as one line in these words."""
         if isinstance(notice, Notice):
             notice = self.compose(notice.subject, notice.source, notice.text, notice.remedy)
-        return " ".join(notice.splitlines())
+        return CONTROLS.sub(" ", notice)
 
     def compose(self, subject: tuple[str, ...], source: str, text: str, remedy: tuple[Remedy, ...]) -> str:
         """Format "subject source: text; remedy"."""

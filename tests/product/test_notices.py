@@ -31,6 +31,11 @@ def test_a_notice_is_its_line_in_python():
     assert json.loads(json.dumps([NOTICE])) == [line]
 
 
+def test_a_file_s_name_neither_ends_the_line_nor_moves_the_cursor():
+    line = OPTIONS.line(Notice("no such file", source="a\nb\x1b[2J\x9bc\u2028d.png"))
+    assert line == "a b [2J c d.png: no such file"
+
+
 def test_the_command_line_names_options_and_leaves_file_names_alone():
     assert OPTIONS.line(NOTICE) == (
         "--mask and --fov box=.png: expected white on the object, got none; "
