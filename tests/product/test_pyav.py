@@ -12,7 +12,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 from support.clips import write_clip
+from support.refused import refused
 
 from anyprobe.errors import InputError
 from anyprobe.video.clip import clip_size, join_pieces, open_clip, read_frames, write_piece
@@ -48,6 +50,19 @@ def test_a_display_matrix_that_shows_no_picture_turns_nothing(made, tmp_path, ma
     data[at : at + 36] = struct.pack(">9i", a, b, 0, c, d, 0, 0, 0, 1 << 30)
     (tmp_path / "a.mp4").write_bytes(data)
     assert clip_size(open_clip(tmp_path / "a.mp4")) == (48, 32)
+
+
+@pytest.mark.parametrize("suffix", ["webp", "png", "avif"])
+def test_an_animated_picture_is_a_clip_or_said_to_be_one_that_is_not_read(tmp_path, suffix):
+    path = tmp_path / f"a.{suffix}"
+    first, *others = map(Image.fromarray, np.repeat(PICTURES, 2, axis=1).repeat(2, axis=2))
+    first.save(path, save_all=True, append_images=others, duration=100)
+    if suffix == "webp":
+        with refused(naming="animated picture"):
+            open_clip(path)
+    else:
+        assert frames(path) == len(PICTURES)
+        assert open_clip(path).warnings == ()
 
 
 IN_OPEN, IN_NONBLOCK = 0x20, 0o4000

@@ -21,7 +21,7 @@ from anyprobe.files.atomic import atomic_path
 from anyprobe.files.paths import absence_of
 from anyprobe.video.frame_pixels import shown_pixels
 from anyprobe.video.interlacing import Progressive
-from anyprobe.video.pyav import STILL, known_interface, open_video, pyav
+from anyprobe.video.pyav import known_interface, open_video, picture_refused, pyav
 
 CODEC = "libx264"
 QUALITY = {"crf": "18", "preset": "veryfast", "bf": "0"}
@@ -30,7 +30,7 @@ BT709 = {"colorspace": 1, "color_primaries": 1, "color_trc": 1, "color_range": 1
 """Colours that the file declares, as code points of ITU-T H.273; without them players guess."""
 TIME_BASE = Fraction(1, 90_000)
 STILLS = ("mjpeg", "png", "bmp", "webp", "tiff")
-"""Codecs of cover pictures, which some files do not mark as such."""
+"""Codecs of cover pictures, which some files do not mark as such; that they hold one frame may not be stated."""
 SHORTAGES = (errno.EAGAIN, errno.ENOMEM, errno.EMFILE, errno.ENFILE)
 """Error numbers of the system rather than of a file."""
 LEAST_STEP_S = 1e-3
@@ -95,7 +95,7 @@ def open_clip(path: Path) -> Clip:
     try:
         with open_video(path) as container:
             if container.format.name == "image2" or container.format.name.endswith("_pipe"):
-                raise InputError(STILL, source=path)
+                raise picture_refused(path)
             if not container.streams.video:
                 raise InputError("a file without pictures, not a video; check the path", source=path)
             moving = [one for one in container.streams.video if not one.disposition & _pictures()]
@@ -125,7 +125,7 @@ def _rank(stream) -> tuple[bool, bool, int, int]:
     context = stream.codec_context
     if context is None:
         return False, False, 0, -stream.index
-    moves = context.name not in STILLS or stream.frames > 1
+    moves = stream.frames > 1 or (stream.frames == 0 and context.name not in STILLS)
     default = bool(stream.disposition & pyav().stream.Disposition.default)
     return moves, default, context.width * context.height, -stream.index
 

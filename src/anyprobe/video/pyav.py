@@ -41,9 +41,6 @@ ONE_FILE = {
 PLAYLISTS = (b"#EXTM3U", b"ffconcat", b"<?xml", b"<MPD", b"v=0", b"[playlist]", b"<asx", b"<smil")
 """First bytes of files that refer to other files."""
 
-STILL = "is a still picture, not a video; anyprobe estimate and relight take it"
-"""Refusal of a photo that is given as a clip."""
-
 TESTED = "av>=17,<20"
 """Versions with which the tests passed."""
 
@@ -85,10 +82,16 @@ def _not_opened(path: Path) -> InputError:
         return InputError(
             "expected a video, got a playlist, which names other files; name the video itself", source=path
         )
-    if (animated := _is_animated(path)) is not None:
-        text = "expected a video, got an animated picture that FFmpeg does not read; convert it to mp4"
-        return InputError(text if animated else STILL, source=path)
+    if _is_animated(path) is not None:
+        return picture_refused(path)
     return InputError("expected a video, got a file of another kind; convert it to mp4", source=path)
+
+
+def picture_refused(path: Path) -> InputError:
+    """Return the refusal of a picture that is given as a clip and that FFmpeg reads as a still one."""
+    still = "is a still picture, not a video; anyprobe estimate and relight take it"
+    animated = "expected a video, got an animated picture that FFmpeg does not read; convert it to mp4"
+    return InputError(animated if _is_animated(path) else still, source=path)
 
 
 def _is_animated(path: Path) -> bool | None:
