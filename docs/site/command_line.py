@@ -11,11 +11,14 @@ from anyprobe.cli.app import app
 
 PAGE = "reference/command-line.md"
 PLACEHOLDER = re.compile(r"<(\w+)>")
+OPTION_LINK = re.compile(r"\(#anyprobe-(\w+-completion)\)")
+"""A link to a command that is spelled as an option; its heading, and so its anchor, keeps the dashes."""
 
 
 def on_files(files: Files, config: Any) -> Files:
     """Add the page, which cyclopts writes from the application."""
     page = app.generate_docs().replace("# anyprobe\n", "# Command line\n", 1)
+    page = OPTION_LINK.sub(r"(#anyprobe---\1)", page)
     files.append(File.generated(config, PAGE, content=escaped(page)))
     return files
 

@@ -126,7 +126,8 @@ class Estimator:
             photos: from load_photo, read in turn; surroundings from a file are of the first one's frame.
             world_from_camera: [3, 3] of each.
             material: the object's, a name or a Material.
-            albedo, roughness: the object's linear diffuse albedo, and its roughness as in glTF.
+            albedo: the object's linear diffuse albedo.
+            roughness: the object's, as in glTF.
         """
         given = as_material(material, albedo, roughness)
         return estimate_views(partial(self.from_extract, material=given), extracts_of(photos), world_from_camera)
