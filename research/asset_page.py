@@ -37,8 +37,7 @@ PAGE = """\
 The {count} files of a data folder that training uses, as the folder's manifests state them; written by
 `python -m research.asset_page`. Files whose licence forbids commercial use, or is not clear, are excluded
 (`anyprobe_train.dataset.catalog.allows_commercial_use`). None of these files is in the package: networks were
-trained on images rendered with them, with maps rotated, blended and relit, and shapes rotated, mirrored, stretched,
-bent and joined. [CC BY 3.0](https://creativecommons.org/licenses/by/3.0/) and
+trained on images rendered with them. [CC BY 3.0](https://creativecommons.org/licenses/by/3.0/) and
 [4.0](https://creativecommons.org/licenses/by/4.0/) require naming the author, as MIT, BSD and Apache licences do.
 
 Training also uses procedural maps and shapes of anyprobe's own (`anyprobe_train.dataset.sky`,
