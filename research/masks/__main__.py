@@ -14,7 +14,7 @@ from rich.table import Table
 from anyprobe.cli.app import main as run_command
 from anyprobe.cli.options import bounded
 from anyprobe.errors import InputError
-from anyprobe.masks.segmenters import load_segmenter
+from anyprobe.masks.networks import load_network
 from research.masks.cases import Case, photo_cases
 from research.masks.scoring import PROMPTS, Row, figures, score, warned
 from research.masks.sheet import draw_sheet
@@ -30,7 +30,7 @@ def masks(
     scenes: Annotated[int, Parameter(help="Scenes to render."), bounded(1)] = 60,
     seed: Annotated[int, Parameter(help="Seed of the rendered scenes.")] = 7,
     segmenter: Annotated[
-        list[str] | None, Parameter(help="Another segmenter beside our network, as NAME:ARGUMENT; repeatable.")
+        list[str] | None, Parameter(help="Another network beside the default, as NAME:FILE; repeatable.")
     ] = None,
     before: Annotated[Path | None, Parameter(help="masks.json of an earlier version, shown beside.")] = None,
     out: Annotated[Path, Parameter(name=("--out", "-o"), help="Folder for masks.json and the contact sheets.")] = Path(
@@ -46,7 +46,7 @@ def masks(
         sets["scenes"] = list(rendered_cases(load_asset_store(data, "test", commercial_only=False), scenes, seed))
     if not any(sets.values()):
         raise InputError("research.masks: expected --photos DIR or --data DIR with something in it, got nothing")
-    ways = {"anyprobe": None} | {name: load_segmenter(name) for name in segmenter or []}
+    ways = {"anyprobe": None} | {name: load_network(name) for name in segmenter or []}
     rows: dict[str, list[Row]] = {}
     for group, cases in sets.items():
         rows[group] = []

@@ -9,7 +9,7 @@ import numpy as np
 
 from anyprobe.errors import InvalidMask
 from anyprobe.masks.find import find_mask
-from anyprobe.masks.segmenters import Segmenter
+from anyprobe.masks.networks import Network
 from anyprobe.pictures.images import read_image
 from research.masks.cases import Case, iou
 
@@ -37,7 +37,7 @@ class Row:
         return {name: value for name, value in asdict(self).items() if name != "mask"}
 
 
-def score(case: Case, prompt: str, name: str, segmenter: Segmenter | None) -> Row:
+def score(case: Case, prompt: str, name: str, segmenter: Network | None) -> Row:
     """Find the object of a case by one of PROMPTS; a box that is the whole photo counts as no prompt."""
     given = {"auto": {}, "click": {"click": case.click}, "box": {} if case.box_is_whole else {"box": case.box}}[prompt]
     common = {"name": case.name, "group": case.group, "segmenter": name, "prompt": prompt}

@@ -23,7 +23,7 @@ from anyprobe.estimate.result import LEVEL, Light
 from anyprobe.estimate.sheet import draw_preview
 from anyprobe.files.atomic import atomic_files
 from anyprobe.inputs.hints import Hints
-from anyprobe.masks.segmenters import SegmenterSource
+from anyprobe.masks.networks import NetworkSource
 from anyprobe.pictures.images import ImageSource, Pixels, write_png
 from anyprobe.place.panorama import DRAWN_ROWS
 
@@ -67,7 +67,7 @@ def open(shots: Sequence[Shot], poses: Poses | None = None) -> tuple[list[Shot],
     return completed, poses.of(names)
 
 
-def mark(shot: Shot, segmenter: SegmenterSource | None = None) -> Photo:
+def mark(shot: Shot, segmenter: NetworkSource | None = None) -> Photo:
     """Read a photo and find its object. Errors: see load_photo."""
     return load_photo(shot.source, shot.hints, name=shot.name, segmenter=segmenter)
 

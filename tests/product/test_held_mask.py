@@ -163,59 +163,6 @@ def lost() -> MaskFollower:
     return follower
 
 
-class Counting:
-    """A segmenter of others, which knows where the egg is, later `moved` pixels to the right; boxes: of its prompts."""
-
-    needs_prompt = False
-
-    def __init__(self, moved: float) -> None:
-        self.moved, self.boxes = moved, []
-
-    def segment(self, rgb, on, off, box):
-        self.boxes.append(box)
-        return frame(Motion(x=self.moved if len(self.boxes) > 1 else 0.0))[1]
-
-
-def nobody_else(*asked):
-    raise AssertionError("the object is looked for by our network")
-
-
-@pytest.mark.ci
-@pytest.mark.usefixtures("small_masks")
-def test_the_mask_of_another_segmenter_is_held_too(monkeypatch):
-    monkeypatch.setattr(following, "Looks", nobody_else)
-    segmenter = Counting(moved=0.5 * EVERY_SURE)
-    follower = MaskFollower({}, {"segmenter": segmenter}, {})
-    for index in range(EVERY_SURE + 2):
-        photo = follower.photo(shown(frame(Motion(x=0.5 * index), seed=index)[0], index))
-        assert len(segmenter.boxes) == (1 if index < EVERY_SURE else 2)
-        assert photo.mask_source == "segmenter"
-        assert iou(photo.mask, frame(Motion(x=0.5 * index))[1]) > 0.9
-        assert follower.looks_same == (index > 0)
-    assert follower.held.finds == 2
-
-
-@pytest.mark.ci
-@pytest.mark.usefixtures("small_masks")
-def test_another_segmenter_looks_for_what_was_lost(monkeypatch):
-    """The picture of the second frame is not that of the first: it is asked again, by the last mask's box."""
-    monkeypatch.setattr(following, "Looks", nobody_else)
-    segmenter = Counting(moved=3.0)
-    follower = MaskFollower({}, {"segmenter": segmenter}, {})
-    first = follower.photo(shown(frame()[0])).mask
-    moved = frame(Motion(x=3.0))[0]
-    mask = follower.photo(shown(255 - moved, 1)).mask
-    assert len(segmenter.boxes) == 2
-    x0, y0, x1, y1 = segmenter.boxes[1]
-    rows, columns = np.nonzero(first > 0.5)
-    assert x0 < columns.min() < columns.max() < x1
-    assert y0 < rows.min() < rows.max() < y1
-    assert iou(mask, frame(Motion(x=3.0))[1]) > 0.95
-    follower.go_on(follower.last)
-    follower.photo(shown(255 - moved, 2))
-    assert len(segmenter.boxes) == 3
-
-
 @pytest.mark.ci
 def test_a_lost_object_does_not_look_the_same(lost):
     assert not lost.looks_same

@@ -15,7 +15,7 @@ from support.refused import refused
 
 from anyprobe.errors import ModelError
 from anyprobe.masks import download, networks, weights
-from anyprobe.masks.segmenters import load_segmenter
+from anyprobe.masks.networks import load_network
 
 CONTENT = b"the weights"
 
@@ -68,7 +68,7 @@ def test_without_weights_the_small_network_is_used(nowhere):
     try:
         assert networks.shared_network().name == "small"
         with pytest.raises(ModelError, match="anyprobe mask --fetch"):
-            load_segmenter("u2netp")
+            load_network("u2netp")
     finally:
         networks.shared_network.cache_clear()
 

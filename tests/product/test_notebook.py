@@ -12,7 +12,7 @@ from PIL import Image
 
 import anyprobe
 from anyprobe.masks.find import find_mask
-from anyprobe.masks.segmenters import load_segmenter
+from anyprobe.masks.networks import load_network
 from anyprobe.pictures.images import read_image
 
 ROOT = Path(__file__).parents[2]
@@ -37,7 +37,7 @@ def test_the_clicks_that_the_notebook_names_find_what_its_box_does(segmenter):
     pairs = dict(re.findall(r"(click|exclude)=\((\d+, \d+)\)", notebook))
     x0, y0, x1, y1 = map(int, re.search(r"box=\((\d+), (\d+), (\d+), (\d+)\)", notebook).groups())
     pixels = read_image(ROOT / "examples" / "table.jpg")
-    network = None if segmenter is None else load_segmenter(segmenter)
+    network = None if segmenter is None else load_network(segmenter)
     boxed = find_mask(pixels, box=(x0, y0, x1, y1), segmenter=network).mask > 0.5
     points = {name: [tuple(map(int, one.split(", ")))] for name, one in pairs.items()}
     clicked = find_mask(pixels, **points, segmenter=network).mask > 0.5

@@ -15,7 +15,7 @@ from anyprobe.estimate.result import Light
 from anyprobe.estimate.runtime import weights_folder
 from anyprobe.export.targets import find_target
 from anyprobe.inputs.hints import HINTS
-from anyprobe.masks.segmenters import load_segmenter
+from anyprobe.masks.networks import load_network
 from anyprobe.scatter.materials import MATERIALS, material_named
 
 
@@ -33,7 +33,7 @@ def light():
         (lambda name: light().render(name), "vaze", "vase"),
         (lambda name: light().panorama(64, frame=name), "levle", "level"),
         (weights_folder, "lft", "lift"),
-        (load_segmenter, "u2net", "u2netp"),
+        (load_network, "u2net", "u2netp"),
         (HINTS["normals"].read_word, "spere", "sphere"),
     ],
 )

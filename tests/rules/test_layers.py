@@ -33,7 +33,6 @@ ONLY = {
     },
     "onnxruntime": {"files"},
     "onnx": {"anyprobe_train.train"},
-    "rembg": {"masks"},
     "trimesh": {"files"},
     "rawpy": {"pictures"},
     "OpenImageIO": {"maps"},

@@ -13,7 +13,7 @@ from anyprobe.cli.options import OPTIONS, JsonOption, MarksOption, Photos, Place
 from anyprobe.errors import AnyprobeError, InputError
 from anyprobe.files.atomic import check_folder
 from anyprobe.inputs.hints import Hints
-from anyprobe.masks.segmenters import SegmenterSource
+from anyprobe.masks.networks import NetworkSource
 
 
 def mask(
@@ -68,9 +68,7 @@ def _line(summary: dict[str, Any]) -> str:
     return f"{summary['mask']}: by {summary['source']}, {100 * summary['share']:.0f} % of the photo{comment}"
 
 
-def _write(
-    path: Path, out: Path, hints: Hints, listed: list[Path], segmenter: SegmenterSource | None
-) -> dict[str, Any]:
+def _write(path: Path, out: Path, hints: Hints, listed: list[Path], segmenter: NetworkSource | None) -> dict[str, Any]:
     """Write one photo's two files; return how the mask was found, for JSON."""
     from anyprobe.estimate.doubts import scale_doubts
     from anyprobe.masks.find import find_mask

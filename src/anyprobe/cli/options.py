@@ -25,7 +25,6 @@ from anyprobe.notices import RESTART, Words
 if TYPE_CHECKING:
     from anyprobe.estimate.estimator import Estimator
     from anyprobe.masks.networks import Network
-    from anyprobe.masks.segmenters import Segmenter
 
 Photos = Annotated[Path, Parameter(name="PHOTO", help="Photos, folders of photos, or - for standard input.")]
 JsonOption = Annotated[bool, Parameter(name="--json", help="Print JSON on stdout.")]
@@ -133,11 +132,11 @@ class PlaceOptions:
                 raise InvalidMask("no such file or folder; check the path", subject=name, source=path)
         return hints
 
-    def open_segmenter(self) -> Network | Segmenter | None:
-        """Load the segmenter that is asked for; None if none is. Errors: see load_segmenter."""
-        from anyprobe.masks.segmenters import load_segmenter
+    def open_segmenter(self) -> Network | None:
+        """Open the network that is asked for; None if none is. Errors: see load_network."""
+        from anyprobe.masks.networks import load_network
 
-        return None if self.segmenter is None else load_segmenter(self.segmenter)
+        return None if self.segmenter is None else load_network(self.segmenter)
 
 
 def _read(hint: Hint, given: Any) -> Any:

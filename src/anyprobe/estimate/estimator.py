@@ -32,7 +32,7 @@ from anyprobe.given_material import Albedo, as_material, material_input
 from anyprobe.inputs.description import shown_as
 from anyprobe.inputs.hints import HintKeywords, Hints, combine
 from anyprobe.inputs.settings import SETTINGS, Keywords, SettingKeywords, Settings
-from anyprobe.masks.segmenters import load_segmenter
+from anyprobe.masks.networks import load_network
 from anyprobe.pictures.images import ImageSource
 from anyprobe.scatter.materials import Material, material_named
 
@@ -72,7 +72,7 @@ class Estimator:
 
     def _set(self, settings: Settings) -> None:
         segmenter = settings.segmenter
-        self.segmenter = load_segmenter(segmenter) if isinstance(segmenter, str) else segmenter
+        self.segmenter = load_network(segmenter) if isinstance(segmenter, str) else segmenter
         self.settings = settings
 
     def with_settings(self, settings: Settings | None = None, **changes: Any) -> Estimator:

@@ -18,7 +18,7 @@ from anyprobe.estimate.light_graph import graph_inputs
 from anyprobe.inputs.description import shown_as
 from anyprobe.inputs.hints import HintKeywords, Hints, combine
 from anyprobe.masks.find import find_mask
-from anyprobe.masks.segmenters import SegmenterSource
+from anyprobe.masks.networks import NetworkSource
 from anyprobe.notices import Notice, as_notice
 from anyprobe.pictures.images import ImageSource, Pixels, read_image
 from anyprobe.place.plate import Plate, keep_plate
@@ -112,7 +112,7 @@ def load_photo(
     hints: Hints | None = None,
     *,
     name: str | None = None,
-    segmenter: SegmenterSource | None = None,
+    segmenter: NetworkSource | None = None,
     **given: Unpack[HintKeywords],
 ) -> Photo:
     """Read a photo, find its object, and keep what else is given of it.
@@ -121,7 +121,7 @@ def load_photo(
         source: path, bytes, Pillow image or array, see read_image; or what that gave.
         hints: all that is given of the object, the camera and the light.
         name: what messages call the photo; None: its file's name, or what it is.
-        segmenter: what finds the object in the place of our network: a name of masks.segmenters, or a Segmenter.
+        segmenter: network that finds the object: a name of masks.networks.load_network, or a Network.
         given: fields of Hints by name; these replace what `hints` holds.
     Raises:
         InvalidPhoto, InvalidMask, InputError: with one line that says what to do.

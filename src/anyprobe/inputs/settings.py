@@ -10,7 +10,7 @@ from anyprobe.errors import InputError
 from anyprobe.files.graphs import CPU
 from anyprobe.inputs.description import Hint, described
 from anyprobe.inputs.hints import HintKeywords
-from anyprobe.masks.segmenters import SegmenterSource
+from anyprobe.masks.networks import NetworkSource
 
 DEFAULT_MODEL = "lift"
 MODEL_HELP = "lift; paper: the chain of Park et al. 2020, trained as its model card says; or a folder of ONNX graphs."
@@ -25,8 +25,8 @@ class Settings:
         threads: of ONNX Runtime; None leaves the choice to it.
         providers: of ONNX Runtime, the preferred first, such as ("CUDAExecutionProvider", "CPUExecutionProvider") with
             onnxruntime-gpu in the place of onnxruntime; a list or names between commas.
-        segmenter: what finds the object in photos without a mask, instead of the built-in network: a name of
-            masks.segmenters ("rembg", "sam:FOLDER", a plug-in), or a Segmenter.
+        segmenter: network that finds the object in photos without a mask: "u2netp", "u2netp:FILE", "small", or a
+            masks.networks.Network.
     Raises:
         InputError: threads that are no whole number of 1 or more.
     """
@@ -43,11 +43,11 @@ class Settings:
         ),
     ] = CPU
     segmenter: Annotated[
-        SegmenterSource | None,
+        NetworkSource | None,
         Hint(
             about="setting",
-            help="Segmenter to use instead of the built-in network: rembg[:MODEL], sam:FOLDER or a plug-in.",
-            metavar="NAME[:ARGUMENT]",
+            help="Network that finds the object: u2netp, if its weights are installed, else small.",
+            metavar="NAME[:FILE]",
         ),
     ] = None
 
@@ -77,7 +77,7 @@ class SettingKeywords(TypedDict, total=False):
     model: str
     threads: int | None
     providers: str | Sequence[str]
-    segmenter: SegmenterSource | None
+    segmenter: NetworkSource | None
 
 
 class Keywords(HintKeywords, SettingKeywords, total=False):

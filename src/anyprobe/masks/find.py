@@ -9,15 +9,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from anyprobe.core.color import to_bytes
 from anyprobe.errors import InvalidMask
 from anyprobe.masks.check import alpha_doubts, check_mask, look_at_given
 from anyprobe.masks.depth import DepthSource, mask_from_depth
-from anyprobe.masks.networks import Network, shared_network
+from anyprobe.masks.networks import Network, NetworkSource, load_network, shared_network
 from anyprobe.masks.prompts import Clicks, check_box, check_clicks
 from anyprobe.masks.quality import DOUBTFUL, REFUSED, examine
-from anyprobe.masks.search import Finding, Looks, Prompts, find_object, finding_of, look_closer
-from anyprobe.masks.segmenters import Segmenter, SegmenterSource, load_segmenter
+from anyprobe.masks.search import Finding, Looks, Prompts, find_object
 from anyprobe.masks.sources import MaskSource, mask_from_alpha, mask_from_file, mask_from_function
 from anyprobe.notices import Notice, as_notice, give
 from anyprobe.pictures.images import Pixels
@@ -31,7 +29,7 @@ class FoundMask:
 
     Attributes:
         mask: [H, W] float32 in [0, 1], 1 on the object.
-        source: "mask", "function", "depth", "click", "box", "alpha", "network" or "segmenter".
+        source: "mask", "function", "depth", "click", "box", "alpha" or "network".
         confidence: expected IoU, see masks.quality; None where the mask was given.
         verdict: whether the mask looks right, in words, see masks.quality; empty where it was given.
         warnings: one line for each reason to check the mask.
@@ -63,14 +61,14 @@ def find_mask(
     click: Clicks | None = None,
     exclude: Clicks | None = None,
     box: Sequence[float] | None = None,
-    segmenter: SegmenterSource | None = None,
+    segmenter: NetworkSource | None = None,
 ) -> FoundMask:
     """Return the object's mask from the first given of mask, depth range, prompts, alpha; else what stands out.
 
     Args:
         mask, click, exclude, box, depth, near, far: see hints.Hints.
-        segmenter: a name of load_segmenter, a Network or a Segmenter; None: U2-Net-p if its
-            weights are installed (masks.weights), else the small network that ships.
+        segmenter: a name of load_network, or a Network; None: U2-Net-p if its weights are installed (masks.weights),
+            else the small network that ships.
     Raises:
         InvalidMask: hints are invalid, or nothing is found.
     """
@@ -87,7 +85,7 @@ def find_mask(
     return _find(pixels, check_prompts(click, exclude, box, *shape[::-1]), segmenter)
 
 
-def _find(pixels: Pixels, prompts: Prompts, segmenter: SegmenterSource | None) -> FoundMask:
+def _find(pixels: Pixels, prompts: Prompts, segmenter: NetworkSource | None) -> FoundMask:
     """Find the mask by prompts, alpha or a network."""
     source = source_of(prompts)
     if source == "network":
@@ -95,14 +93,12 @@ def _find(pixels: Pixels, prompts: Prompts, segmenter: SegmenterSource | None) -
         if alpha is not None:
             cut_out, doubts = _given(alpha, "alpha", pixels.name), alpha_doubts(alpha)
             return replace(cut_out, warnings=(*cut_out.warnings, *(as_notice(doubt, pixels.name) for doubt in doubts)))
-    loaded = load_segmenter(segmenter) if isinstance(segmenter, str) else segmenter
-    if loaded is not None and not isinstance(loaded, Network):
-        return _segmented(pixels, prompts, loaded, "segmenter" if source == "network" else source)
+    loaded = load_network(segmenter) if isinstance(segmenter, str) else segmenter
     network = shared_network() if loaded is None else loaded
     found = find_object(_looks(network, pixels.rgb), prompts)
     if found is None:
         raise _not_found(pixels, prompts)
-    return _judged(pixels, prompts, found, found.mask(*pixels.rgb.shape[1::-1]), network, source)
+    return _judged(pixels, prompts, found, network, source)
 
 
 class _Last(threading.local):
@@ -143,11 +139,9 @@ def _given(mask: np.ndarray, source: str, name: str) -> FoundMask:
     return FoundMask(mask=mask, source=source, warnings=tuple(as_notice(line, name) for line in warnings))
 
 
-def _judged(
-    pixels: Pixels, prompts: Prompts, found: Finding, mask: np.ndarray, network: Network, source: str
-) -> FoundMask:
+def _judged(pixels: Pixels, prompts: Prompts, found: Finding, network: Network, source: str) -> FoundMask:
     """Judge a found mask and return it with its expected IoU; InvalidMask where that is below REFUSED."""
-    evidence = examine(found, prompts)
+    evidence, mask = examine(found, prompts), found.mask(*pixels.rgb.shape[1::-1])
     confidence = evidence.expected_iou(network.name)
     if confidence < REFUSED or not (mask > 0.5).any():
         raise _not_found(pixels, prompts)
@@ -157,7 +151,7 @@ def _judged(
         remedy = give("box", "click", "exclude", "mask")
         text = f"the mask {judgement}; check it"
         warnings.append(Notice(text, code="mask-doubtful", source=pixels.name, remedy=remedy))
-    if network.warning and source != "segmenter":
+    if network.warning:
         warnings.append(as_notice(network.warning, pixels.name))
     return FoundMask(
         mask=check_mask(mask, pixels.name),
@@ -167,34 +161,6 @@ def _judged(
         warnings=tuple(warnings),
         prompts=prompts,
     )
-
-
-def _segmented(pixels: Pixels, prompts: Prompts, segmenter: Segmenter, source: str) -> FoundMask:
-    """Return the part of another segmenter's mask that is meant; one that needs a prompt gets our network's box."""
-    rgb, network, box = pixels.rgb, shared_network(), prompts.box
-    if segmenter.needs_prompt and not prompts.on and box is None:
-        found = find_object(Looks(network, rgb), prompts)
-        if found is None:
-            raise _not_found(pixels, prompts)
-        box = found.window.box_of(found.part)
-    cover = cover_by(segmenter, to_bytes(rgb), replace(prompts, box=box))
-    found = finding_of(cover, prompts)
-    if found is None:
-        raise _not_found(pixels, prompts)
-    agreed = look_closer(Looks(network, rgb), found, Prompts()).agreed
-    return _judged(pixels, prompts, replace(found, agreed=agreed), found.only(cover), network, source)
-
-
-def cover_by(segmenter: Segmenter, rgb: np.ndarray, prompts: Prompts) -> np.ndarray:
-    """Return another segmenter's cover [H, W] in [0, 1] of a photo [H, W, 3] uint8; InvalidMask where it gives none."""
-    cover = np.asarray(segmenter.segment(rgb, prompts.on, prompts.off, prompts.box), np.float32)
-    if cover.shape != rgb.shape[:2] or not np.isfinite(cover).all():
-        raise InvalidMask(
-            f"expected a finite cover [{rgb.shape[0]}, {rgb.shape[1]}] in 0 to 1, got shape {cover.shape} "
-            "or NaN; report it to the plug-in's author",
-            subject="segmenter",
-        )
-    return np.clip(cover, 0.0, 1.0)
 
 
 def _not_found(pixels: Pixels, prompts: Prompts) -> InvalidMask:

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from importlib import resources
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 import numpy as np
 
 from anyprobe.core.contract import contract
 from anyprobe.core.resample import resample
-from anyprobe.errors import ModelError
+from anyprobe.core.spelling import did_you_mean
+from anyprobe.errors import InputError, ModelError
 from anyprobe.files.graphs import open_graph, run_options
 from anyprobe.masks.prompts import BOX_LEVEL, CLICK_SIGMA_PX, Point, draw_prompts
 from anyprobe.masks.weights import GET_WEIGHTS, find_weights
@@ -36,7 +37,6 @@ MASK_CONTRACT = {
 """Metadata that the small graph carries; another value means other conventions, and is refused."""
 
 
-@runtime_checkable
 class Network(Protocol):
     """A graph, opened once; safe to share between threads.
 
@@ -142,6 +142,25 @@ def small_network() -> SmallNetwork:
 def shared_network() -> Network:
     """Return U2-Net-p if its weights are installed, else the bundled network; opened at the first call."""
     return small_network() if find_weights() is None else U2NetP()
+
+
+NETWORKS: dict[str, Callable[[str], Network]] = {"u2netp": U2NetP, "small": SmallNetwork}
+
+NetworkSource = str | Network
+"""A network: a name of load_network, or its result."""
+
+
+def load_network(name: str) -> Network:
+    """Open the network NAME or NAME:FILE, its weights being in that file.
+
+    Raises:
+        InputError: no network has that name. ModelError: its weights are absent or damaged.
+    """
+    name, _, file = name.partition(":")
+    if name not in NETWORKS:
+        advice = did_you_mean(name, NETWORKS) or "; give what another program finds as the mask"
+        raise InputError(f"expected one of {', '.join(NETWORKS)}, got {name!r}{advice}", subject="segmenter")
+    return NETWORKS[name](file)
 
 
 def default_graph() -> Path:

@@ -158,32 +158,12 @@ class Finding:
         soft = np.where(grow(self.part, EDGE_CELLS), soft, 0.0).astype(np.float32)
         return self._placed(soft, width, height)
 
-    def only(self, cover: np.ndarray) -> np.ndarray:
-        """Restrict another segmenter's cover [H, W] to this part at full resolution, its small holes filled."""
-        height, width = cover.shape
-        inner, near = (
-            self._placed(cells.astype(np.float32), width, height) > INSIDE
-            for cells in (~grow(~self.part, EDGE_CELLS), grow(self.part, EDGE_CELLS))
-        )
-        return np.where(inner & (cover <= INSIDE), 0.51, cover * near).astype(np.float32)
-
     def _placed(self, cells: np.ndarray, width: int, height: int) -> np.ndarray:
         """Place values [GRID, GRID] of the window into a photo [height, width] that is zero elsewhere."""
         canvas = np.zeros((height, width), np.float32)
         window = self.window
         canvas[window.y0 : window.y1, window.x0 : window.x1] = resample(cells, window.size, smooth=True)
         return canvas
-
-
-def finding_of(cover: np.ndarray, prompts: Prompts) -> Finding | None:
-    """Convert another segmenter's cover [H, W] in [0, 1] to a finding; None where no part is meant by the prompts."""
-    if not (cover > INSIDE).any():
-        return None
-    photo = Window(x0=0, y0=0, x1=cover.shape[1], y1=cover.shape[0])
-    window = photo.around(object_box(cover), MARGIN)
-    return choose(
-        window, resample(cover[window.y0 : window.y1, window.x0 : window.x1], (GRID, GRID), smooth=True), prompts
-    )
 
 
 class Looks:

@@ -19,11 +19,9 @@ from anyprobe.files.digests import digest_of
 from anyprobe.files.paths import visible_files
 from anyprobe.inputs.hints import AUTO, NONE, PHOTO
 from anyprobe.masks.check import object_box
-from anyprobe.masks.find import cover_by
-from anyprobe.masks.networks import Network, SmallNetwork, shared_network
+from anyprobe.masks.networks import Network, SmallNetwork, load_network, shared_network
 from anyprobe.masks.parts import grow
-from anyprobe.masks.search import MARGIN, Looks, Prompts, choose, finding_of
-from anyprobe.masks.segmenters import Segmenter, load_segmenter
+from anyprobe.masks.search import MARGIN, Looks, Prompts, choose
 from anyprobe.notices import give
 from anyprobe.pictures.images import read_image
 from anyprobe.video.clip import Frame
@@ -48,7 +46,7 @@ HINT_SUFFIXES = {"mask": MASK_SUFFIXES, "depth": DEPTH_SUFFIXES, "normals": DEPT
 class MaskFollower:
     """Turn frames, in order, into photos whose object is marked.
 
-    hints: the caller's marks in the first frame; may be empty. segmenter: finds the object; None: our network.
+    hints: the caller's marks in the first frame; may be empty. segmenter: network that finds it; None: shared_network.
     last: x, y of a point well inside the last mask, that mask's pixels, and its box; None before the first.
     held: the mask that moves with the object; None if it has to be found.
     """
@@ -62,8 +60,7 @@ class MaskFollower:
     ) -> None:
         """folders: by keyword of load_photo ("mask", "depth", "normals"), each with one file a frame, sorted by name.
 
-        hints: of load_photo, for the first frame: clicks and a box; and a segmenter, which finds the object there, and
-                later by the last mask.
+        hints: of load_photo, for the first frame: clicks and a box; and a segmenter, the network that finds it.
             every_frame: keywords of load_photo for every frame.
             surroundings: of load_photo, for every frame; a panorama is read once, here.
         """
@@ -79,7 +76,7 @@ class MaskFollower:
             )
             raise InputError("expected one of them, got both", subject=ways)
         named = hints.get("segmenter")
-        self.segmenter: Network | Segmenter | None = load_segmenter(named) if isinstance(named, str) else named
+        self.segmenter: Network | None = load_network(named) if isinstance(named, str) else named
         self.hints = hints
         self._panorama: np.ndarray | None = None  # [64, 128, 4 or 5], see estimate.surroundings
         word = NONE
@@ -171,8 +168,8 @@ class MaskFollower:
         """Return the photo and the whole mask [H, W], of which the photo's is a part; InvalidMask if there is none."""
         held = self._followed(frame.rgb)
         if held is not None:
-            source = "network" if self.segmenter is None or isinstance(self.segmenter, Network) else "segmenter"
-            photo = replace(self._load(frame, name, own, mask=lit_mask(held, frame.rgb.shape)), mask_source=source)
+            photo = self._load(frame, name, own, mask=lit_mask(held, frame.rgb.shape))
+            photo = replace(photo, mask_source="network")
             return photo, mask_in(held, frame.rgb.shape)
         where = self.hints if self.last is None else _prompts_from(self.last, frame.rgb.shape)
         photo = self._load(frame, name, own, **{**where, "segmenter": self.segmenter})
@@ -223,7 +220,7 @@ def _last_of(mask: np.ndarray) -> list[float]:
     return [*inner_point(mask), float(mask.sum()), *_grown_box(mask)]
 
 
-def _looked_for(rgb: np.ndarray, last: list[float], segmenter: Network | Segmenter | None) -> np.ndarray | None:
+def _looked_for(rgb: np.ndarray, last: list[float], segmenter: Network | None) -> np.ndarray | None:
     """Return the mask [H, W] that the network finds around the last one's box; None if it finds nothing.
 
     last, segmenter: of MaskFollower.
@@ -232,10 +229,6 @@ def _looked_for(rgb: np.ndarray, last: list[float], segmenter: Network | Segment
     x, y, _, x0, y0, x1, y1 = last
     prompts = Prompts(on=[(x, y)], box=(x0, y0, x1, y1))
     network = shared_network() if segmenter is None else segmenter
-    if not isinstance(network, Network):
-        cover = cover_by(network, rgb, prompts)
-        found = finding_of(cover, prompts)
-        return None if found is None else found.only(cover)
     looks = Looks(network, rgb.astype(np.float32) / 255.0)
     window = looks.photo.around((x0, y0, x1, y1), MARGIN)
     found = choose(window, looks.at(window, prompts), prompts)
