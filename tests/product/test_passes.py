@@ -1,4 +1,4 @@
-"""The parts of a relit photo compose to it, files keep colours and bits, and objects mirror their ground."""
+"""The parts of a relit photo compose to it, and objects mirror their ground."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import numpy as np
 import OpenEXR
 import pytest
 from PIL import Image
-from support.picture_files import gamma_curve, icc, scene, srgb
 from support.scenes import made_map, sphere_photo
 
 from anyprobe.core.color import COLORSPACES, rec709_from_rgb
@@ -17,9 +16,7 @@ from anyprobe.errors import InvalidEnvironment
 from anyprobe.estimate.photo import load_photo
 from anyprobe.maps.exr import read_exr, write_channels
 from anyprobe.maps.radiance import read_radiance, write_exr
-from anyprobe.pictures.icc import encoding_of
-from anyprobe.pictures.images import read_image
-from anyprobe.pictures.kept_encoding import Stored, stored_as, write_as
+from anyprobe.pictures.images import read_image, write_png
 from anyprobe.relight.insert import Arrangement, Stage
 from anyprobe.relight.passes import passes_of, write_passes
 from anyprobe.render.shapes import sphere
@@ -167,29 +164,13 @@ def test_the_command_says_that_the_result_of_a_cut_out_is_opaque(command, photo_
     assert "transparent" not in done.err
 
 
-@pytest.mark.parametrize("suffix", ["png", "tif"])
-@pytest.mark.parametrize("deep", [False, True])
-@pytest.mark.parametrize("profile", [None, "linear", "gamma 2.2"])
-def test_bits_and_profile_of_the_photo_are_kept(tmp_path, suffix, deep, profile):
-    rgb = srgb(scene(32, 48))
-    data = b"" if profile is None else icc(gamma_curve(1 if profile == "linear" else 2.2))
-    encoding = None if profile is None else encoding_of(data)
-    path = tmp_path / f"a.{suffix}"
-    write_as(path, rgb, Stored(deep=deep, profile=data, encoding=encoding))
-    found = stored_as(path)
-    assert (found.deep, found.profile, found.lost) == (deep, data, False)
-    back = read_image(path).rgb
-    assert np.abs(back - rgb).max() < (0.003 if deep else 0.05 if profile == "linear" else 0.012)
-
-
 @pytest.mark.ci
-def test_the_command_keeps_16_bits_and_writes_passes(relight, tmp_path, photo):
-    deep = tmp_path / "deep.png"
-    write_as(deep, photo.rgb, Stored(deep=True))
+def test_the_command_writes_passes(relight, tmp_path, photo):
+    deep = tmp_path / "photo.png"
+    write_png(deep, photo.rgb)
     for name in ("a.png", "a.exr"):
         done = relight(deep, "-o", tmp_path / name, *(["--colorspace", "acescg"] if name == "a.exr" else []))
         assert done.status == 0, done.err
-    assert stored_as(tmp_path / "a.png").deep
     linear = read_exr(tmp_path / "a.exr", "a", InvalidEnvironment, 10**7, rec709=True)[..., :3]
     assert np.abs(response(linear) - read_image(tmp_path / "a.png").rgb).max() < 0.02
     refused = relight(deep, "-o", tmp_path / "b.png", "--colorspace", "acescg")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -457,27 +456,6 @@ def test_command_writes_the_picture_and_says_where(command, work, photo_path):
     given = json.loads(done.out)
     assert given["picture"] == str(Path("relit", "sphere_relit.png"))  # never among the photos
     assert read_image(given["picture"]).rgb.shape == (96, 128, 3)
-
-
-@pytest.mark.ci
-def test_strip_shows_the_photo_then_every_material(command, work, photo_path, monkeypatch):
-    said = []
-
-    def noted(text, silent):
-        said.append(text)
-        return nullcontext()
-
-    monkeypatch.setattr("anyprobe.cli.relight.progress", noted)
-    done = command("relight", photo_path, "--strip", "-o", "strip.png")
-    assert done.status == 0, done.err
-    assert said[2:4] == ["drawing the sphere of chrome, 1 of 5", "drawing the sphere of gold, 2 of 5"]
-    picture = read_image(work / "strip.png").rgb
-    assert picture.shape == (96, 6 * 128, 3)
-    parts = np.split(picture, 6, axis=1)
-    with Image.open(photo_path) as opened:
-        np.testing.assert_allclose(parts[0], np.asarray(opened)[..., :3] / 255, atol=1e-6)
-    for one, other in zip(parts, parts[1:], strict=False):
-        assert np.abs(one - other).max() > 0.02
 
 
 @pytest.mark.ci

@@ -31,10 +31,7 @@ if TYPE_CHECKING:
     from anyprobe.relight.insert import Stage
     from anyprobe.render.mesh import Mesh
 
-STRIP = ("chrome", "gold", "plastic", "matte", "photo")
-"""Materials that --strip shows after the photo."""
-_SUFFIXES = (".png", ".tif", ".tiff", ".exr")
-PROFILE_LOST = "the photo's colour profile is lost, as only RGB profiles with curves can be kept: the result is sRGB"
+_SUFFIXES = (".png", ".exr")
 TRANSPARENT = (
     "the photo is partly transparent: the result is opaque there, and the object does not mirror those parts; "
     "give an opaque photo, or take object and shadow from an .exr"
@@ -107,8 +104,6 @@ def relight(
     ] = "sphere",
     turn: float = 0.0,
     out: Annotated[Path | None, Parameter(name=("--out", "-o"), metavar="FILE")] = None,
-    strip: Annotated[bool, Parameter(help=f"Photo, then the object in {', '.join(STRIP)}.")] = False,
-    before: bool = False,
     light: Path | None = None,
     colorspace: options.ColorspaceOption = "rec709",
     as_json: options.JsonOption = False,
@@ -121,8 +116,7 @@ def relight(
     Args:
         photo: The photo with the object; - for stdin.
         turn: Its rotation about the vertical axis, degrees.
-        out: File to write: .png, .tif, or .exr with passes; default: relit/<stem>_relit.png.
-        before: Show photo and result side by side.
+        out: File to write: .png, or .exr with passes; default: relit/<stem>_relit.png.
         light: Use this .exr or .hdr map that estimate wrote, instead of an estimate.
     """
     from anyprobe.core.color import to_bytes
@@ -131,7 +125,6 @@ def relight(
     from anyprobe.maps.radiance import opaque_linear
     from anyprobe.pictures.headers import MAX_PIXELS
     from anyprobe.pictures.images import picture_bytes, read_image, write_png
-    from anyprobe.pictures.kept_encoding import stored_as, write_as
     from anyprobe.relight.insert import Arrangement, Stage
     from anyprobe.relight.passes import passes_of, write_passes
     from anyprobe.relight.placement import check_foot
@@ -140,8 +133,6 @@ def relight(
         raise InputError("is a folder; name one photo", subject="photo", source=photo)
     if light is not None:
         options.refuse_unused("with --light", *OF_ESTIMATES)
-    if strip:
-        options.refuse_unused("with --strip, which shows all materials", "insert_material")
     material, size, strict = inserting.insert_material, inserting.scale, given.strict
     hints, segmenter = hints_for(photo, given.hints()), given.open_segmenter()
     contact, mesh = inserting.foot(), inserting.mesh(insert)
@@ -152,9 +143,7 @@ def relight(
         raise OutputError(
             f"expected a name that ends in {', '.join(_SUFFIXES)}, got {kind or 'no suffix'}; change it", source=out
         )
-    if kind == ".exr":
-        options.refuse_unused("with an .exr, which has layers", "strip", "before")
-    else:
+    if kind != ".exr":
         options.refuse_unused("without an .exr", "colorspace")
     inputs = (photo, light, *hints.files().values())
     if any(is_same_file(out, path) for path in inputs if isinstance(path, Path)):
@@ -170,40 +159,26 @@ def relight(
     with progress("estimating the light", silent):
         radiance, gain, ground, doubts = _radiance(loaded, source_of_light, models)
     stage = placing(Stage)(loaded, mesh, replace(place, ground=ground))
-    names = STRIP if strip else (material,)
-    stored = stored_as(source)
-    is_plain_png = stored.plain and kind == ".png"
     if kind == ".exr":
         with progress(f"drawing the {insert}", silent):
             passes = passes_of(stage, radiance, material)
         with progress(f"writing {out}", silent):
             write_passes(out, passes, colorspace, opaque_linear(source, colorspace, MAX_PIXELS))
     else:
-        shown = picture_bytes(loaded.rgb) if is_plain_png else loaded.rgb.copy()
-        pictures = [shown] if strip or before else []
-        shadow = stage.shadow(radiance) if strip else None  # else while the object is drawn
-        for number, name in enumerate(names, start=1):
-            count = f" of {name}, {number} of {len(names)}" if strip else ""
-            with progress(f"drawing the {insert}{count}", silent):
-                region, changed = stage.change(radiance, name, shadow)
-                pictures.append(shown.copy() if pictures else shown)
-                pictures[-1][region] = to_bytes(changed) if is_plain_png else changed
+        picture = picture_bytes(loaded.rgb)
+        with progress(f"drawing the {insert}", silent):
+            region, changed = stage.change(radiance, material)
+            picture[region] = to_bytes(changed)
         with progress(f"writing {out}", silent):
-            picture = np.concatenate(pictures, axis=1) if len(pictures) > 1 else pictures[0]
-            if is_plain_png:
-                write_png(out, picture)
-            else:
-                write_as(out, picture, stored)
+            write_png(out, picture)
     contact_px = stage.view.pixels(stage.placement.foot)
-    caveats = [PROFILE_LOST] if stored.lost and kind != ".exr" else []
-    if loaded.hidden is not None:
-        caveats.append(TRANSPARENT)
+    caveats = [] if loaded.hidden is None else [TRANSPARENT]
     warnings = list(dict.fromkeys([*doubts, *(one.naming(PLACING) for one in stage.warnings), *caveats]))
     summary = {
         "photo": str(photo),
         "picture": str(out),
         "object": insert,
-        "materials": list(names),
+        "material": material,
         "foot_px": [round(float(v), 1) for v in contact_px],
         "pitch_deg": round(stage.placement.pitch_deg, 2),
         "long_fov_deg": round(stage.view.long_fov_deg, 2),
@@ -218,7 +193,7 @@ def relight(
         print(json.dumps(summary))
     elif not quiet:
         print(
-            f"{out}: {insert} of {', '.join(names)} at {contact_px[0]:.0f},{contact_px[1]:.0f}, camera "
+            f"{out}: {insert} of {material} at {contact_px[0]:.0f},{contact_px[1]:.0f}, camera "
             f"{_pitch(stage, loaded, ground)}",
             file=sys.stderr,
         )
