@@ -7,12 +7,9 @@ from __future__ import annotations
 
 import errno
 import os
-import platform
 import secrets
-import shutil
 import tempfile
 import time
-import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -20,16 +17,13 @@ from pathlib import Path
 from anyprobe.errors import OutputError
 
 SCRATCH = ".anyprobe-"
-"""Prefix of the folders that hold files until all are written; the machine's and the process's identifiers follow."""
+"""Prefix of the folders that hold files until all are written."""
 
 RETRIES_RENAME, RETRY_DELAYS_S = os.name == "nt", (0.02, 0.1, 0.5)
 """Whether a refused rename is tried again, and after which delays [s]."""
 
 FULL_DISK = (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC), errno.EFBIG)
 """Errors of a disk, or of a user's share of it, that is full."""
-
-STALE_S = 86_400.0
-"""Age [s] from which such a folder counts as abandoned, whichever machine's process made it."""
 
 
 @contextmanager
@@ -92,7 +86,7 @@ def atomic_files(folder: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield an empty folder to write files to; when the block ends without an error they all move into `folder`.
 
     Older files of the same names are replaced; if any move fails, they are restored and none of the new ones stays.
-    Leftovers of killed runs are restored or removed. Missing folders are made.
+    Missing folders are made.
 
     Raises:
         OutputError: the folder cannot be made or written; its message never names the scratch folder.
@@ -100,8 +94,7 @@ def atomic_files(folder: str | os.PathLike[str]) -> Iterator[Path]:
     folder, scratch = Path(folder), ""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        _tidy(folder)
-        with tempfile.TemporaryDirectory(dir=folder, prefix=f"{SCRATCH}{_machine()}-{os.getpid()}-") as scratch:
+        with tempfile.TemporaryDirectory(dir=folder, prefix=SCRATCH) as scratch:
             new, old = Path(scratch) / "new", Path(scratch) / "old"
             new.mkdir()
             old.mkdir()
@@ -161,33 +154,3 @@ def _replace_all(files: list[Path], folder: Path, old: Path) -> None:
             with suppress(FileNotFoundError):  # there was no older file
                 os.replace(old / target.name, target)
         raise
-
-
-def _tidy(folder: Path) -> None:
-    """Remove the scratch folders of killed runs; restore files that these had moved aside and not replaced."""
-    for scratch in folder.glob(f"{SCRATCH}*"):
-        with suppress(OSError):
-            if not scratch.is_dir() or scratch.is_symlink() or not _is_abandoned(scratch):
-                continue
-            for file in (scratch / "old").glob("*"):
-                if not (folder / file.name).exists():
-                    os.replace(file, folder / file.name)
-            shutil.rmtree(scratch, ignore_errors=True)
-
-
-def _is_abandoned(scratch: Path) -> bool:
-    """Return whether the process that made a folder is gone; for another machine's, on a shared drive, age decides."""
-    number = scratch.name.removeprefix(f"{SCRATCH}{_machine()}-").partition("-")[0]
-    if os.name == "posix" and number.isdecimal():
-        try:
-            os.kill(int(number), 0)
-        except ProcessLookupError:
-            return True
-        except (PermissionError, OverflowError):
-            pass
-    return time.time() - scratch.stat().st_mtime > STALE_S
-
-
-def _machine() -> str:
-    """Return a short identifier of this machine."""
-    return f"{zlib.crc32(platform.node().encode()):08x}"
