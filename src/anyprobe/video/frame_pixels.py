@@ -1,7 +1,7 @@
 """Turn a decoded picture of a clip into what a player shows: upright, square pixels, sRGB, and light above white.
 
-Streams describe their colours by code points of ITU-T H.273. Without one for the matrix it is chosen as players do: by
-the primaries, else BT.709 for HD and BT.601 for smaller pictures.
+Streams describe their colours by code points of ITU-T H.273. Without one for the matrix it is chosen as players do:
+BT.2020 for its primaries, else BT.709 for HD and BT.601 for smaller pictures.
 """
 
 from __future__ import annotations
@@ -19,22 +19,10 @@ from anyprobe.errors import InputError
 from anyprobe.pictures.color_encoding import HLG, PQ, UNSPECIFIED, ColorEncoding, by_code_points, is_srgb, to_display
 from anyprobe.pictures.headers import MAX_PIXELS
 
-BT709, RGB, FCC, BT601, SMPTE240M, BT2020 = 1, 0, 4, 5, 7, 9
-
-LUMA = {
-    BT709: (0.2126, 0.0722),
-    FCC: (0.30, 0.11),
-    BT601: (0.299, 0.114),
-    SMPTE240M: (0.212, 0.087),
-    BT2020: (0.2627, 0.0593),
-}
-"""Kr and Kb of each matrix, by code point."""
-
-ALIKE = {**{kind: kind for kind in LUMA}, 6: BT601, 10: BT2020}
-"""Code points of equal matrices; FFmpeg's scaler numbers these alike."""
-
-BY_PRIMARIES = {BT709: BT709, 5: BT601, 6: BT601, 7: SMPTE240M, BT2020: BT2020}
-"""The matrix of streams that do not name one, by code point of the primaries."""
+BT709, RGB, BT601, YCGCO, BT2020, MOST_MATRIX = 1, 0, 5, 8, 9, 10
+"""Code points of matrices; FFmpeg's scaler converts those up to the last but YCgCo."""
+UNNAMED = (UNSPECIFIED, 3, 12, 13)
+"""Code points of matrices that name none."""
 
 HD = (1280, 576)
 """A picture of at least this width, or higher than this, is HD."""
@@ -47,8 +35,8 @@ LEAST_AREA = 0.01
 
 BITS = 8
 
-NARROW, FULL = 1, 2
-"""FFmpeg's numbers of the ranges."""
+FULL = 2
+"""FFmpeg's number of the range without head and foot room."""
 
 EXACT = 0x2 | 0x2000 | 0x40000
 """Flags of FFmpeg's scaler: bilinear, colours of every pixel, rounded. Without the last two grey is 1 % too dark."""
@@ -164,19 +152,16 @@ def _turns_and_mirrors(matrix: tuple[int, int, int, int] | None) -> tuple[int, t
 def _converted(picture, stored: tuple[int, int], path: Path) -> tuple[np.ndarray, np.ndarray | None]:
     """Return pixels of this width and height: sRGB uint8, and radiance as of shown_pixels."""
     encoding, matrix = _encoding(picture), _matrix(picture, path)
-    size = {"width": stored[0], "height": stored[1]}
+    said = {} if matrix is None else {"src_colorspace": matrix, "dst_colorspace": matrix}
+    how = {"interpolation": EXACT, "width": stored[0], "height": stored[1], **said}
     bits = max((part.bits for part in picture.format.components), default=BITS)
     if bits <= BITS:
-        said = {} if matrix is None else {"src_colorspace": matrix, "dst_colorspace": matrix}
-        values = picture.to_ndarray(format="rgb24", interpolation=EXACT, **said, **size)
+        values = picture.to_ndarray(format="rgb24", **how)
         if encoding is None:
             return values, None
     else:
-        if matrix is None:
-            deep = picture.to_ndarray(format="rgb48le", **size) / np.float32(0xFFFF)
-        else:
-            deep = _from_deep_ycbcr(picture, matrix, bits, size)
-        values = np.clip(deep, 0, 1)
+        kind = "rgb48le" if matrix is None else "gbrp16le"  # of 4:2:0 the scaler makes other colours in the former
+        values = np.clip(picture.to_ndarray(format=kind, **how) / _white(picture, bits, matrix), 0, 1)
         if encoding is None:
             return (values * 255 + 0.5).astype(np.uint8), None
     display, radiance = to_display(values, encoding)
@@ -186,27 +171,12 @@ def _converted(picture, stored: tuple[int, int], path: Path) -> tuple[np.ndarray
     return (display * 255 + 0.5).astype(np.uint8), radiance
 
 
-def _from_deep_ycbcr(picture, matrix: int, bits: int, size: dict[str, int]) -> np.ndarray:
-    """R'G'B' [H, W, 3] float32, black at 0 and white at 1 (ITU-T H.273, 8.3).
-
-    The scaler only upsamples the chroma: its own way to 16-bit RGB rounds to 8 bits and may take other colours.
-    """
-    same = {"src_color_range": NARROW, "dst_color_range": NARROW}  # unchanged
-    planes = picture.to_ndarray(format="yuv444p16le", **same, **size)
-    if planes.shape[-1] != 3:
-        planes = np.moveaxis(planes, 0, -1)
-    step = np.float32(1 << (16 - bits))  # bits are shifted up; the low ones stay zero
-    y, cb, cr = (planes[..., k] / step for k in range(3))
-    middle = np.float32(1 << (bits - 1))
-    if int(picture.color_range) == FULL:
-        top = np.float32(2**bits - 1)
-        y, cb, cr = y / top, (cb - middle) / top, (cr - middle) / top
-    else:
-        one = np.float32(1 << (bits - 8))
-        y, cb, cr = (y - 16 * one) / (219 * one), (cb - middle) / (224 * one), (cr - middle) / (224 * one)
-    kr, kb = (np.float32(share) for share in LUMA[matrix])
-    red, blue = y + 2 * (1 - kr) * cr, y + 2 * (1 - kb) * cb
-    return np.stack([red, (y - kr * red - kb * blue) / (1 - kr - kb), blue], axis=-1)
+def _white(picture, bits: int, matrix: int | None) -> np.float32:
+    """Return what FFmpeg's scaler makes of white with 16 bits: it shifts bits up, and leaves the low ones zero."""
+    if matrix is None:
+        return np.float32(0xFFFF)
+    used = bits if int(picture.color_range) == FULL else BITS
+    return np.float32(((1 << used) - 1) << (16 - used))
 
 
 def _encoding(picture) -> ColorEncoding | None:
@@ -219,15 +189,15 @@ def _encoding(picture) -> ColorEncoding | None:
 
 
 def _matrix(picture, path: Path) -> int | None:
-    """Return the entry of LUMA by which it was made from RGB; None if it is RGB."""
-    said, primaries = int(picture.colorspace), int(picture.color_primaries)
+    """Return the code point of the matrix by which it was made from RGB; None if it is RGB."""
+    said = int(picture.colorspace)
     if picture.format.is_rgb or said == RGB:
         return None
-    if said in ALIKE:
-        return ALIKE[said]
-    if said in (UNSPECIFIED, 3, 12, 13):
+    if said in UNNAMED:
         hd = picture.width >= HD[0] or picture.height > HD[1]
-        return BY_PRIMARIES.get(primaries, BT709 if hd else BT601)
+        return BT2020 if int(picture.color_primaries) == BT2020 else BT709 if hd else BT601
+    if said <= MOST_MATRIX and said != YCGCO:
+        return said
     raise InputError(
         f"expected RGB or YCbCr colours, got others (matrix {said} of ITU-T H.273); convert it to SDR first",
         source=path,
