@@ -21,21 +21,18 @@ WHITE_NITS = 203.0
 PQ, HLG, UNSPECIFIED = 16, 18, 2
 """Code points of H.273: two transfer functions, and `unspecified` for primaries as for transfer."""
 
-D65, C = (0.3127, 0.3290), (0.310, 0.316)
+D65 = (0.3127, 0.3290)
 
 PRIMARIES = {
     **dict.fromkeys((1, 2), REC709_CHROMATICITIES),
-    4: (0.67, 0.33, 0.21, 0.71, 0.14, 0.08, *C),
     5: (0.64, 0.33, 0.29, 0.60, 0.15, 0.06, *D65),
     **dict.fromkeys((6, 7), (0.630, 0.340, 0.310, 0.595, 0.155, 0.070, *D65)),
-    8: (0.681, 0.319, 0.243, 0.692, 0.145, 0.049, *C),
     9: (0.708, 0.292, 0.170, 0.797, 0.131, 0.046, *D65),
-    10: (1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1 / 3, 1 / 3),
-    11: (0.680, 0.320, 0.265, 0.690, 0.150, 0.060, 0.314, 0.351),
     12: (0.680, 0.320, 0.265, 0.690, 0.150, 0.060, *D65),
-    22: (0.630, 0.340, 0.295, 0.605, 0.155, 0.077, *D65),
 }
-"""CIE x, y of red, green, blue and white by H.273's code point; unspecified ones count as Rec. 709."""
+"""CIE x, y of red, green, blue and white by H.273's code point; unspecified ones count as Rec. 709.
+
+Those of film, of the first colour television and of cinema projectors are left out: no camera writes them."""
 
 ADOBE_RGB = (0.64, 0.33, 0.21, 0.71, 0.15, 0.06, *D65)
 
@@ -67,10 +64,6 @@ def linear_to_srgb(linear: np.ndarray) -> np.ndarray:
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055)
 
 
-def _smpte240(values: np.ndarray) -> np.ndarray:
-    return np.where(values < 0.0913, values / 4.0, ((np.maximum(values, 0.0913) + 0.1115) / 1.1115) ** (1 / 0.45))
-
-
 def _pq(values: np.ndarray) -> np.ndarray:
     """Decode SMPTE ST 2084 to light in units of WHITE_NITS."""
     v = np.clip(values, 0.0, 1.0).astype(np.float64) ** (32 / 2523)
@@ -93,18 +86,14 @@ def gamma(exponent: float) -> Callable[[np.ndarray], np.ndarray]:
 TRANSFERS: dict[int, Callable[[np.ndarray], np.ndarray]] = {
     **dict.fromkeys((1, 2, 6, 11, 12, 13, 14, 15), srgb_to_linear),
     4: gamma(2.2),
-    5: gamma(2.8),
-    7: _smpte240,
     8: lambda values: values,
-    9: lambda values: np.where(values > 0, 10.0 ** (2.0 * (values - 1.0)), 0.0),
-    10: lambda values: np.where(values > 0, 10.0 ** (2.5 * (values - 1.0)), 0.0),
-    16: _pq,
-    17: lambda values: 52.37 / 48.0 * np.clip(values, 0.0, None) ** 2.6,
-    18: _hlg,
+    PQ: _pq,
+    HLG: _hlg,
 }
 """Functions from code values in [0, 1] to linear light, by H.273's code point.
 
-BT.709 and its kin are what cameras write; screens, browsers and this package show them as sRGB.
+BT.709 and its kin are what cameras write; screens, browsers and this package show them as sRGB. Those of PAL's
+tubes, of SMPTE 240M, of cinema projectors and logarithmic ones are left out.
 """
 
 
@@ -129,7 +118,7 @@ class ColorEncoding:
 
 @lru_cache(maxsize=64)
 def by_code_points(primaries: int, transfer: int, full_range: bool = True, bits: int = 8) -> ColorEncoding | None:
-    """Return the encoding of H.273's code points; None where one is reserved.
+    """Return the encoding of H.273's code points; None where one is reserved or left out.
 
     Args:
         full_range: whether 0 and 1 are black and white; else 16 and 235 of 255 are, scaled to `bits`.
