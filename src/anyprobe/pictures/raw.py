@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import io
-import struct
 from pathlib import Path
 
 import numpy as np
+from PIL.TiffImagePlugin import ImageFileDirectory_v2
 
 from anyprobe.errors import InvalidPhoto, MissingExtra
 from anyprobe.pictures.deep_pixels import TIFF_STARTS
@@ -22,62 +22,37 @@ STARTS = (b"FUJIFILMCCD-RAW", b"IIRO", b"IIRS", b"MMOR", b"IIU\0", b"\x00MRM", b
 
 CR3_BRAND, CR2_MARK = b"crx ", b"CR"
 
-DNG_VERSION, PHOTOMETRIC, COMPRESSION, NEXT_DIRECTORIES = 50706, 262, 259, 330
+DNG_VERSION, SUBFILE, PHOTOMETRIC = 50706, 254, 262
+"""Tags of a TIFF: of DNG alone; 1 for a smaller version of another picture; and how values mean colours."""
 MOSAIC, LINEAR_RAW = 32803, 34892
 """Photometric interpretations of DNG and TIFF/EP: colour filter array, and linear colour."""
 
-RAW_COMPRESSIONS = (34713, 32767, 32769, 32770, 65535)
-"""TIFF compressions of Nikon, Sony, Epson, Samsung and Pentax."""
-
-MAX_DIRECTORIES, MAX_ENTRIES = 24, 1024
 HEAD_BYTES = 1 << 20
-"""Number of bytes at the start of a TIFF in which its directories are searched."""
+"""Number of bytes at the start of a TIFF in which its first directory is looked for."""
 
 
 def is_raw(head: bytes, name: str) -> bool:
     """Return whether a file is a camera's raw data, by its first HEAD_BYTES.
 
-    name: of the file; its suffix decides where a TIFF's directories lie further on.
+    name: of the file; its suffix decides where a TIFF's first directory lies further on.
     """
     if head.startswith(STARTS) or (head[4:8] == b"ftyp" and head[8:12] == CR3_BRAND):
         return True
     if head[:4] not in TIFF_STARTS:
         return False
-    return head[8:10] == CR2_MARK or Path(name).suffix.lower() in RAW_SUFFIXES or _has_mosaic(head)
+    return head[8:10] == CR2_MARK or Path(name).suffix.lower() in RAW_SUFFIXES or _begins_as_raw(head)
 
 
-def _has_mosaic(data: bytes) -> bool:
-    """Return whether a directory of a TIFF describes raw data."""
-    order = "<" if data[:2] == b"II" else ">"
-    places = [struct.unpack_from(f"{order}I", data, 4)[0]] if len(data) >= 8 else []
-    seen: set[int] = set()
-    while places and len(seen) < MAX_DIRECTORIES:
-        at = places.pop(0)
-        if at in seen or not 8 <= at <= len(data) - 2:
-            continue
-        seen.add(at)
-        (count,) = struct.unpack_from(f"{order}H", data, at)
-        for k in range(min(count, MAX_ENTRIES)):
-            entry = at + 2 + 12 * k
-            if entry + 12 > len(data):
-                break
-            tag, kind, number = struct.unpack_from(f"{order}HHI", data, entry)
-            value = struct.unpack_from(f"{order}{'H' if kind == 3 else 'I'}", data, entry + 8)[0]
-            if tag == DNG_VERSION or (tag == PHOTOMETRIC and value in (MOSAIC, LINEAR_RAW)):
-                return True
-            if tag == COMPRESSION and value in RAW_COMPRESSIONS:
-                return True
-            if tag == NEXT_DIRECTORIES and kind in (4, 13):
-                places += _offsets(data, order, value if number > 1 else entry + 8, number)
-        follow = at + 2 + 12 * count
-        if follow + 4 <= len(data):
-            places += struct.unpack_from(f"{order}I", data, follow)
-    return False
-
-
-def _offsets(data: bytes, order: str, at: int, number: int) -> tuple[int, ...]:
-    number = min(number, MAX_DIRECTORIES, max(0, (len(data) - at) // 4))
-    return struct.unpack_from(f"{order}{number}I", data, at) if number > 0 else ()
+def _begins_as_raw(head: bytes) -> bool:
+    """Return whether the first directory of a TIFF is a camera's: of DNG, of a mosaic, or of a preview of what
+    follows."""
+    try:
+        stream, tags = io.BytesIO(head), ImageFileDirectory_v2(head[:8])
+        stream.seek(tags.next)
+        tags.load(stream)
+        return DNG_VERSION in tags or tags.get(SUBFILE) == 1 or tags.get(PHOTOMETRIC) in (MOSAIC, LINEAR_RAW)
+    except Exception:  # its parser raises whatever the bad bytes lead it to
+        return False
 
 
 def raw_size(data: bytes) -> tuple[int, int] | None:
