@@ -43,9 +43,9 @@ from anyprobe.estimate.photo import load_photo
 from anyprobe.maps.exr import read_exr
 from anyprobe.maps.image_io import encode_image, library
 from anyprobe.maps.radiance import read_linear, read_radiance, write_hdr_picture
-from anyprobe.pictures.apple_gain import apple_headroom
 from anyprobe.pictures.color_encoding import ADOBE_RGB, PRIMARIES, by_code_points, by_numbers
 from anyprobe.pictures.declared_size import declared_pixels
+from anyprobe.pictures.gain_map import apple_headroom
 from anyprobe.pictures.headers import jxl_size
 from anyprobe.pictures.images import read_image
 

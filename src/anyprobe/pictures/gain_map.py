@@ -4,8 +4,9 @@ Ultra HDR (Android: XMP of the namespace hdrgm) and ISO 21496-1, in a second JPE
 
     log2 (HDR + o_h) / (SDR + o_s) = min + (max - min) g^(1 / gamma)
 
-in linear light, with g in [0, 1] of the map's pixels. A HEIC holds ISO's as an item. Apple's maps, in JPEG and
-HEIC, follow apple_gain.
+in linear light, with g in [0, 1] of the map's pixels. A HEIC holds ISO's as an item. Apple's maps, in JPEG and HEIC,
+mean the picture's light times 1 + (headroom - 1) g, with g the map's values decoded by Rec. 709's curve ("Applying
+Apple HDR effect to your photos", developer.apple.com); the camera notes the headroom.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ import numpy as np
 from PIL import Image
 from PIL.JpegImagePlugin import JpegImageFile
 
-from anyprobe.pictures.apple_gain import apple_headroom, rec709_to_linear
+from anyprobe.pictures.apple_note import apple_numbers
 from anyprobe.pictures.color_encoding import STRIP_PIXELS, srgb_to_linear
 from anyprobe.pictures.headers import open_picture
 from anyprobe.pictures.heif_boxes import find_tone_map
@@ -243,3 +244,35 @@ def _of_xmp(data: bytes) -> tuple[np.ndarray, ...] | None:
 
     names = (("GainMapMin", 0.0), ("GainMapMax", 1.0), ("Gamma", 1.0), ("OffsetSDR", 1 / 64), ("OffsetHDR", 1 / 64))
     return tuple(read(*pair) for pair in names)
+
+
+_HEADROOM, _GAIN = 33, 48
+"""Tags of Apple's maker note."""
+MOST_HEADROOM = 256.0
+"""Largest headroom; a larger one is clipped."""
+_XMP_HEADROOM = re.compile(rb"HDRGainMapHeadroom(?:=\"|>)\s*([0-9]+(?:\.[0-9]*)?)")
+
+
+def apple_headroom(image: Image.Image, xmp: bytes = b"") -> float | None:
+    """Return the brightest white over the screen's white, from XMP, else from the maker note in EXIF; None if neither
+    has it.
+
+    xmp: of the map, where it has any.
+    """
+    stated = _XMP_HEADROOM.search(xmp)
+    if stated is not None:
+        return float(np.clip(float(stated[1]), 1.0, MOST_HEADROOM))
+    numbers = apple_numbers(image)
+    if not {_HEADROOM, _GAIN} <= numbers.keys():
+        return None
+    (gain, *_), (headroom, *_) = numbers[_GAIN], numbers[_HEADROOM]
+    if headroom < 1.0:
+        stops = 1.8 - 20.0 * gain if gain <= 0.01 else 1.601 - 0.101 * gain
+    else:
+        stops = 3.0 - 70.0 * gain if gain <= 0.01 else 2.303 - 0.303 * gain
+    return float(np.clip(2.0**stops, 1.0, MOST_HEADROOM))
+
+
+def rec709_to_linear(values: np.ndarray) -> np.ndarray:
+    """Decode values in [0, 1] by the inverse of ITU-R BT.709's curve."""
+    return np.where(values < 0.081, values / 4.5, ((values + 0.099) / 1.099) ** (1 / 0.45))
