@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import glob
 import json
 import re
 import sys
@@ -19,7 +18,6 @@ from anyprobe.cli.options import OPTIONS, JsonOption, ModelOptions, ObjectOption
 from anyprobe.cli.photo_files import result_stem, shot_of
 from anyprobe.cli.tables import print_table
 from anyprobe.errors import InputError
-from anyprobe.notices import Notice
 
 CLEAR_MARGIN = 1.0
 """Difference of misfits from which on one map is clearly better than another."""
@@ -75,13 +73,6 @@ def match(
     stem, chosen = result_stem(photo, [photo]), ranked[:best]
     files = {candidate.rank: f"{stem}_{candidate.rank + 1}_{_file_name(candidate.name)}.exr" for candidate in chosen}
     warnings = [*light.warnings, *library.warnings]
-    older = _older_maps(out, stem, set(files.values()))
-    if older:
-        text = (
-            f"contains maps of this photo from earlier matches ({len(older)}, such as {older[0]}); delete them, "
-            "or choose another folder with -o"
-        )
-        warnings.append(Notice(text, code="older-results", source=out))
     with atomic_files(out) as scratch, console.status("writing"):
         for candidate in chosen:
             candidate.write(scratch / files[candidate.rank])
@@ -127,19 +118,6 @@ def match(
     console.print(f"results: {out / stem}_*", soft_wrap=True)
     if given.strict and warnings:
         sys.exit(2)
-
-
-def _older_maps(out: Path, stem: str, new: set[str]) -> list[str]:
-    """Return the names of maps in a folder that earlier matches wrote for this photo, judged by their headers."""
-    from anyprobe.maps.radiance import map_attributes
-
-    older = []
-    for path in sorted(out.glob(f"{glob.escape(stem)}_*.exr")):
-        name = map_attributes(path).get("match")
-        is_ours = name and re.fullmatch(rf"\d+_{re.escape(_file_name(name))}\.exr", path.name[len(stem) + 1 :])
-        if is_ours and path.name not in new:
-            older.append(path.name)
-    return older
 
 
 def _file_name(name: str) -> str:
