@@ -6,7 +6,6 @@ import contextlib
 import importlib.metadata
 import platform
 import re
-import sys
 import time
 
 import numpy as np
@@ -29,13 +28,9 @@ def doctor(*, model: ModelOption = DEFAULT_MODEL) -> None:
 
     console = Console(markup=False, emoji=False, highlight=False)
     console.print(f"python {platform.python_version()} on {platform.system()} {platform.machine()}")
-    requirements = lowest_versions()
     console.print(f"anyprobe {__version__}")
-    for extra, packages in requirements.items():
+    for extra, packages in packages_by_extra().items():
         console.print(_installed(extra, packages), soft_wrap=True)
-    check_package_versions(
-        {package: lowest for packages in requirements.values() for package, lowest in packages.items()}
-    )
     console.print(f"providers {', '.join(onnxruntime.get_available_providers())}")
     for stage, digest in file_hashes(model).items():
         console.print(f"model {model}/{stage} sha256 {digest}")
@@ -55,20 +50,17 @@ OTHERS = ("dev", "judge")
 """Extras for developing anyprobe itself."""
 
 
-def lowest_versions() -> dict[str, dict[str, str]]:
-    """Return the packages of each extra ("" for the base install) with the lowest supported version of each."""
-    versions: dict[str, dict[str, str]] = {"": {}}
+def packages_by_extra() -> dict[str, list[str]]:
+    """Return the packages of each extra, "" for the base install."""
+    found: dict[str, list[str]] = {"": []}
     for requirement in importlib.metadata.requires("anyprobe") or ():
-        python_bound = re.search(r"python_version\s*<\s*['\"](\d+)\.(\d+)", requirement)
-        if python_bound and sys.version_info[:2] >= (int(python_bound[1]), int(python_bound[2])):
-            continue
-        match = re.match(r"([\w.-]+)\s*>=\s*([\w.]+)(?:.*extra\s*==\s*['\"](\w+))?", requirement)
-        if match and match[3] not in OTHERS:
-            versions.setdefault(match[3] or "", {})[match[1]] = match[2]
-    return versions
+        match = re.match(r"([\w.-]+)(?:.*extra\s*==\s*['\"](\w+))?", requirement)
+        if match and match[2] not in OTHERS:
+            found.setdefault(match[2] or "", []).append(match[1])
+    return found
 
 
-def _installed(extra: str, packages: dict[str, str]) -> str:
+def _installed(extra: str, packages: list[str]) -> str:
     """Return one line on an extra's packages: their versions, and which are missing."""
     versions: dict[str, str] = {}
     for package in packages:
@@ -79,24 +71,6 @@ def _installed(extra: str, packages: dict[str, str]) -> str:
     if missing:
         line += f"{'; ' if line else ''}missing {missing}; from a clone: pip install '.[{extra}]'"
     return f"{extra or 'packages'}: {line}"
-
-
-def check_package_versions(requirements: dict[str, str]) -> None:
-    """Raise ModelError if an installed package is older than supported; absent ones are reported where they are
-    used."""
-    outdated = []
-    for package, lowest in requirements.items():
-        with contextlib.suppress(importlib.metadata.PackageNotFoundError):
-            version = importlib.metadata.version(package)
-            if _numbers(version) < _numbers(lowest):
-                outdated.append(f"{package} {lowest} or newer, got {version}")
-    if outdated:
-        raise ModelError(f"packages: expected {'; '.join(outdated)}; update with pip install -U")
-
-
-def _numbers(version: str) -> tuple[int, ...]:
-    """Parse a version into numbers: 1.20.3rc1 into (1, 20, 3)."""
-    return tuple(int(number) for number in re.findall(r"\d+", re.split(r"(?:a|b|rc|\.dev|\+)", version)[0]))
 
 
 def mask_network() -> str:
