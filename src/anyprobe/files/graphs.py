@@ -1,13 +1,28 @@
-"""Sessions of ONNX graphs that share the cores with other work."""
+"""Sessions of ONNX graphs that share the cores with other work.
+
+ONNX Runtime is imported with its telemetry off: since 1.29 it reports every process that opens a graph to Microsoft. It
+reads the variable once, at import, and it is then removed again. A program that imports ONNX Runtime earlier, or sets
+the variable, decides for itself.
+"""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
 from anyprobe.errors import InputError, ModelError
 from anyprobe.files.cores import usable_cores
-from anyprobe.files.onnx_runtime import onnxruntime
+
+TELEMETRY_OFF = "ORT_DISABLE_TELEMETRY"
+
+_is_set = TELEMETRY_OFF in os.environ
+os.environ.setdefault(TELEMETRY_OFF, "1")
+try:
+    import onnxruntime
+finally:
+    if not _is_set:
+        del os.environ[TELEMETRY_OFF]
 
 MOST_THREADS = 2
 """Largest number of threads: with more, sums of convolutions are split differently, which changes their last bits; nor

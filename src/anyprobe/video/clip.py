@@ -20,7 +20,6 @@ from anyprobe.errors import AnyprobeError, InputError, InvalidPhoto, OutputError
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.paths import absence_of
 from anyprobe.video.frame_pixels import shown_pixels
-from anyprobe.video.interlacing import Progressive
 from anyprobe.video.pyav import known_interface, open_video, picture_refused, pyav
 
 CODEC = "libx264"
@@ -196,6 +195,60 @@ def read_frames(clip: Clip, damaged: list[int]) -> Generator[Frame, None, None]:
                     index=index, time_s=last_s, rgb=shown.rgb, radiance=shown.radiance, alpha=shown.alpha, note=note
                 )
                 index += 1
+
+
+class Progressive:
+    """Decode packets in order: interlaced pictures, whose rows are of two moments, are made whole by FFmpeg's bwdif.
+
+    The filter returns a picture once it has seen the next one.
+    """
+
+    def __init__(self) -> None:
+        self._graph: Any = None
+        self._format: tuple[Any, ...] = ()
+
+    def __call__(self, packet: Any) -> Iterator[Any]:
+        """Yield the pictures (av.VideoFrame) that are complete after a packet; an empty packet ends the stream."""
+        for picture in packet.decode():
+            if picture.interlaced_frame:
+                form = picture.format.name, picture.width, picture.height
+                if form != self._format:
+                    yield from self._end()
+                    self._graph, self._format = _graph(packet.stream, *form), form
+                self._graph.push(picture)
+                yield from self._ready()
+            else:
+                yield from self._end()
+                yield picture
+        if packet.size == 0:
+            yield from self._end()
+
+    def _ready(self) -> Iterator[Any]:
+        av = pyav()
+        while True:
+            try:
+                yield self._graph.pull()
+            except (av.error.BlockingIOError, av.error.EOFError):
+                return
+
+    def _end(self) -> Iterator[Any]:
+        """Yield what the filter still holds."""
+        if self._graph is not None:
+            self._graph.push(None)
+            yield from self._ready()
+        self._graph, self._format = None, ()
+
+
+def _graph(stream: Any, pixels: str, width: int, height: int) -> Any:
+    """Return a filter graph that makes one whole picture of each frame."""
+    graph = pyav().filter.Graph()
+    source = graph.add_buffer(width=width, height=height, format=pixels, time_base=stream.time_base)
+    whole = graph.add("bwdif", "mode=send_frame:deint=interlaced")
+    sink = graph.add("buffersink")
+    source.link_to(whole)
+    whole.link_to(sink)
+    graph.configure()
+    return graph
 
 
 def _resized(path: Path, index: int, own: tuple[int, int], size: tuple[int, int]) -> str:

@@ -15,7 +15,6 @@ from anyprobe.errors import InputError, InvalidMask
 from anyprobe.estimate.known import GivenPanorama
 from anyprobe.estimate.photo import Photo, load_photo
 from anyprobe.estimate.surroundings import SurroundingsSource, read_panorama
-from anyprobe.files.digests import digest_of
 from anyprobe.files.paths import visible_files
 from anyprobe.inputs.hints import AUTO, NONE, PHOTO
 from anyprobe.masks.check import object_box
@@ -26,6 +25,7 @@ from anyprobe.notices import give
 from anyprobe.pictures.images import read_image
 from anyprobe.video.clip import Frame
 from anyprobe.video.held_mask import EVERY, EVERY_SURE, MOST_CHANGE, Held, follow, found_in, hold, lit_mask, mask_in
+from anyprobe.video.track import digest_of
 
 GROWTH = 0.08
 """Share by which the last mask's box is grown on each side to be the next prompt."""

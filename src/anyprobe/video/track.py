@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
+import os
 import shutil
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path
@@ -16,6 +18,7 @@ import numpy as np
 from anyprobe.errors import InputError
 from anyprobe.estimate.sidecar import FRAME, SCALE, json_numbers, source_json
 from anyprobe.files.atomic import atomic_path
+from anyprobe.files.paths import open_regular
 from anyprobe.light.harmonics import project
 from anyprobe.light.light_sources import find_sources, split_dominant_light
 from anyprobe.light.steady import Steady
@@ -26,6 +29,9 @@ STATE = ".state.npz"
 
 PIECES = ".pieces"
 """Folder, within the result's, of the pieces of light.mp4 and relit.mp4."""
+
+BLOCKS, BLOCK_BYTES = 64, 1 << 16
+"""Number and size [bytes] of the blocks of a large file that are hashed, spread evenly over it."""
 
 KINDS = {kind.__name__: kind for kind in (FilterState, Track, Steady)}
 """Classes of saved values."""
@@ -156,6 +162,25 @@ def _differing(then: dict[str, Any], now: dict[str, Any]) -> list[str]:
         elif one != other:
             names.append(name)
     return names
+
+
+def digest_of(parts: Iterable[bytes]) -> str:
+    """Return 16 hexadecimal digits that identify these parts in this order."""
+    whole = hashlib.sha256()
+    for part in parts:
+        whole.update(hashlib.sha256(part).digest())
+    return whole.hexdigest()[:16]
+
+
+def sampled_digest(path: Path) -> str:
+    """Return the digest of a file's size and of BLOCKS blocks of it, which are all its bytes where it is small."""
+    with open_regular(path, InputError) as stream:
+        size = os.fstat(stream.fileno()).st_size
+        parts = [str(size).encode()]
+        for number in range(BLOCKS):
+            stream.seek(max(number * BLOCK_BYTES, number * (size - BLOCK_BYTES) // (BLOCKS - 1)))
+            parts.append(stream.read(BLOCK_BYTES))
+    return digest_of(parts)
 
 
 def describe(radiance: np.ndarray) -> dict[str, Any]:

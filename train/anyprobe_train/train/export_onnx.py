@@ -134,7 +134,7 @@ def write_graph(
     """
     import onnx
 
-    from anyprobe.files.onnx_runtime import onnxruntime
+    from anyprobe.files.graphs import onnxruntime
 
     every_first = {name: {0: "n"} for name in (*graph.inputs, *graph.outputs)}
     with atomic_path(path) as temporary:
