@@ -17,16 +17,15 @@ from anyprobe.files.atomic import atomic_path
 from anyprobe.files.paths import open_regular, read_rest
 from anyprobe.light.environment import check_radiance
 from anyprobe.maps.exr import EXR_MAGIC, exr_attributes, open_exr, read_exr, to_rec709, write_channels
-from anyprobe.maps.image_io import open_image, read_pixels
+from anyprobe.maps.image_io import encode_image, open_image, read_pixels
 from anyprobe.maps.rgbe import (
     HDR_HEADER_BYTES,
     HDR_MAGIC,
     comments,
-    encode_rows,
-    float_to_rgbe,
     least_bytes,
     read_comments,
     read_header,
+    rounded_up,
 )
 
 MAX_MAP_PIXELS = 16384 * 8192
@@ -162,9 +161,9 @@ def write_hdr_picture(
         f"#?RADIANCE\nSOFTWARE=anyprobe\n{comments(attributes or {}, ATTRIBUTE)}FORMAT=32-bit_rle_rgbe\n\n"
         f"-Y {height} +X {width}\n"
     ).encode()
-    pieces = [header, *encode_rows(float_to_rgbe(picture))]
     with atomic_path(path) as temporary:
-        temporary.write_bytes(b"".join(pieces))
+        encoded = encode_image(rounded_up(picture), "hdr", {})
+        temporary.write_bytes(header + encoded[read_header(encoded, "", picture.size).at :])
 
 
 def write_exr(

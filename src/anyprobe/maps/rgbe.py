@@ -1,4 +1,4 @@
-"""Contents of a Radiance .hdr: header, shared-exponent pixels, and run-length encoded rows."""
+"""Contents of a Radiance .hdr: its header, and shared-exponent pixels."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ RGBE_MAX = 255.0 * 2.0**119
 """Largest value of a shared-exponent pixel: mantissa 255, exponent byte 255."""
 
 RLE_WIDTHS = range(8, 32768)
-"""Widths that the new run-length encoding can hold; others are written flat."""
+"""Widths that the new run-length encoding can hold; others are flat."""
 
 COMMENT_WIDTH = 72
 """Largest number of characters of an attribute's value in one line of a header."""
@@ -35,9 +35,6 @@ _FORMATS = (b"32-bit_rle_rgbe", b"32-bit_rle_xyze")
 
 UNSTATED = (0.0,) * 8
 """PRIMARIES as written by programs that do not know them."""
-
-MIN_RUN = 4
-"""Shortest repetition stored as a run; a shorter one takes fewer bytes inside a literal."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -165,32 +162,15 @@ def read_comments(data: bytes, prefix: str) -> dict[str, str]:
     return found
 
 
-def float_to_rgbe(radiance: np.ndarray) -> np.ndarray:
-    """Encode radiance [H, W, 3] as three mantissas under the largest channel's exponent, [H, W, 4] uint8 (Ward 1991).
+def rounded_up(radiance: np.ndarray) -> np.ndarray:
+    """Add half a step of the shared exponent to radiance [H, W, 3], so that a writer that truncates mantissas rounds.
 
-    Rounded, not truncated, because today's readers do not add half a step.
+    Rounded, because today's readers do not add half a step (Ward 1991 did).
     """
-    rgb = np.minimum(radiance.astype(np.float64), RGBE_MAX)
-    largest = rgb.max(axis=-1)
-    mantissa, exponent = np.frexp(largest)
-    exponent = exponent + (mantissa >= 255.5 / 256.0)  # 255.5 would round up to a ninth bit
-    rgbe = np.empty((*largest.shape, 4), dtype=np.uint8)
-    rgbe[..., :3] = np.rint(np.ldexp(rgb, 8 - exponent[..., None]))
-    rgbe[..., 3] = np.clip(exponent + 128, 0, 255)
-    rgbe[(largest == 0.0) | (exponent + 128 < 1)] = 0  # black, or below the smallest exponent
-    return rgbe
-
-
-def encode_rows(rgbe: np.ndarray) -> list[bytes]:
-    """Encode rows [H, W, 4] uint8 as pieces of a file: run-length encoded where the width allows it, else flat."""
-    width = rgbe.shape[1]
-    if width not in RLE_WIDTHS:
-        return [rgbe.tobytes()]
-    pieces = []
-    for row in np.ascontiguousarray(np.moveaxis(rgbe, 2, 1)):  # [4, W]: one channel after the other
-        pieces.append(_start(width))
-        pieces.extend(_encode_runs(channel) for channel in row)
-    return pieces
+    rgb = np.minimum(radiance, np.float32(RGBE_MAX))
+    largest = rgb.max(axis=-1, keepdims=True)
+    _, exponent = np.frexp(largest * np.float32(512 / 511))  # 255.5 rounds up to a ninth bit
+    return np.minimum(rgb + np.where(largest > 0.0, np.ldexp(np.float32(1.0), exponent - 9), 0.0), RGBE_MAX)
 
 
 def least_bytes(width: int) -> int:
@@ -201,28 +181,3 @@ def least_bytes(width: int) -> int:
 def _shown(value: bytes) -> str:
     """Format a header's value for a message."""
     return value.strip().decode("ascii", "replace")
-
-
-def _start(width: int) -> bytes:
-    """Return the first bytes of a run-length encoded row."""
-    return bytes((2, 2, width >> 8, width & 255))
-
-
-def _encode_runs(row: np.ndarray) -> bytes:
-    """Encode one channel of a row, uint8 [W]: a count > 128 repeats a byte, a count <= 128 copies bytes."""
-    starts = np.concatenate([[0], np.flatnonzero(row[1:] != row[:-1]) + 1])
-    lengths = np.diff(starts, append=row.size)
-    long = lengths >= MIN_RUN
-    data = row.tobytes()
-    out = bytearray()
-    cursor = 0
-    for start, length in [*zip(starts[long].tolist(), lengths[long].tolist(), strict=True), (row.size, 0)]:
-        for at in range(cursor, start, 128):
-            literal = data[at : min(at + 128, start)]
-            out.append(len(literal))
-            out += literal
-        for at in range(0, length, 127):
-            out.append(128 + min(127, length - at))
-            out.append(data[start])
-        cursor = start + length
-    return bytes(out)
