@@ -458,13 +458,10 @@ def test_luminance_and_chroma_are_the_colours(sampling, tmp_path):
     np.testing.assert_allclose(read_radiance(tmp_path / "map.exr").mean((0, 1)), scene(32, 64).mean((0, 1)), rtol=0.02)
 
 
-@pytest.mark.parametrize("aspect", [0.5, 1.5, 2.0])
-def test_pixels_of_an_exr_are_made_square(aspect):
-    rgb = scene(64, 96)
-    found = read_image(exr(rgb, pixelAspectRatio=aspect)).rgb
-    assert found.shape == (64, round(96 * aspect), 3)
-    np.testing.assert_allclose(found.mean((0, 1)), response(rgb).mean((0, 1)), rtol=0.01)
-    assert (np.diff(found[..., 0], axis=1) >= -1e-6).all()
+@pytest.mark.parametrize("aspect", [0.5, 2.0])
+def test_pixels_of_an_exr_that_are_not_square_are_refused(aspect):
+    with refused(code="invalid-image", source="bytes", naming=f"{aspect:g} times as wide"):
+        read_image(exr(scene(64, 96), pixelAspectRatio=aspect))
 
 
 @pytest.mark.parametrize("name", ["v_colorcorr.hdr", "v_freeimage.hdr", "v_crlf.hdr"])

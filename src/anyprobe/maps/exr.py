@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
-from PIL import Image
 
 from anyprobe.core.color import REC709_CHROMATICITIES, rec709_from_rgb, xyz_from_rgb
 from anyprobe.errors import InputError
@@ -28,8 +27,8 @@ MAX_PARTS = 64
 """Number of parts in which colours are looked for."""
 MOST_SIDE_PX = 65_535
 
-LEAST_ASPECT = 0.25
-"""Smallest pixel aspect ratio, and inverse of the largest, that is corrected to square pixels."""
+LEAST_ASPECT, SQUARE = 0.25, 0.01
+"""Smallest pixel aspect ratio, and inverse of the largest, that is believed; and how far from 1 it may be."""
 
 WHOLE_LAYERS = ("combined", "beauty", "rgba", "composite")
 """Lower-case names of layers that hold the whole picture, in files of Blender and other renderers."""
@@ -63,6 +62,10 @@ def open_exr(source: BinaryIO | bytes, name: str, fault: type[InputError], max_p
 def _check(spec: ImageSpec, name: str, fault: type[InputError], max_pixels: int) -> None:
     if spec.deep:
         raise fault("expected a flat OpenEXR picture, got a deep one; save it flat", source=name)
+    aspect = spec.get_float_attribute("PixelAspectRatio", 1.0)
+    if LEAST_ASPECT <= aspect <= 1 / LEAST_ASPECT and abs(aspect - 1.0) > SQUARE:
+        text = f"expected square pixels, got ones {aspect:g} times as wide as high; resample the picture"
+        raise fault(text, source=name)
     (width, height), decoded = _size(spec), exr_pixels(spec)
     if decoded > max_pixels:
         raise fault(
@@ -101,8 +104,7 @@ def read_exr(
     """Read the colour of an .exr: R, G, B, or X, Y, Z, or Y, RY, BY, or Y, with A if present; of the first part that
     has them, else those of a layer, LAYER.R.
 
-    A data window smaller than the display window is padded with black. Pixels that are not square are resampled to more
-    or fewer columns.
+    A data window smaller than the display window is padded with black.
 
     Args:
         source: a path, or the file's bytes.
@@ -132,7 +134,7 @@ def _read_colors(
                 _check(spec, name, fault, max_pixels)
                 pixels = read_pixels(image, list(channels.values())).astype(np.float32)
                 pixels = _as_rgb("".join(channels), pixels, spec, name, fault, rec709)
-                return square_pixels(in_display(pixels, spec), spec, max_pixels)
+                return in_display(pixels, spec)
     raise fault(f"expected channels R, G, B or Y, got {listed}; save a flat RGB picture", source=name)
 
 
@@ -188,25 +190,6 @@ def _from_chroma(pixels: np.ndarray, chromaticities: Sequence[float], name: str,
 def read_channel(image: ImageInput, name: str) -> np.ndarray:
     """Read one channel of an open picture [H, W] of its data window, as stored."""
     return read_pixels(image, [image.spec().channelindex(name)])[..., 0]
-
-
-def square_pixels(pixels: np.ndarray, spec: ImageSpec, max_pixels: int, *, nearest: bool = False) -> np.ndarray:
-    """Resample the columns of pixels [H, W, ...] so that they are square; unchanged where the ratio is implausible.
-
-    Interpolated or averaged; with nearest, the nearest pixel is taken.
-    """
-    aspect, (height, width) = spec.get_float_attribute("PixelAspectRatio", 1.0), pixels.shape[:2]
-    if not LEAST_ASPECT <= aspect <= 1 / LEAST_ASPECT or round(width * aspect) in (0, width):
-        return pixels
-    columns = round(width * aspect)
-    if columns * height > max_pixels:
-        return pixels
-    if nearest:
-        return pixels[:, ((np.arange(columns) + 0.5) * width / columns).astype(int)]
-    planes = np.moveaxis(pixels.reshape(height, width, -1), -1, 0)
-    way = Image.Resampling.BILINEAR
-    resized = [np.asarray(Image.fromarray(np.ascontiguousarray(one)).resize((columns, height), way)) for one in planes]
-    return np.stack(resized, axis=-1).reshape(height, columns, *pixels.shape[2:])
 
 
 def in_display(pixels: np.ndarray, spec: ImageSpec) -> np.ndarray:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import os
-import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,9 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from PIL import Image
 
-from anyprobe.errors import InputError, InvalidMask
+from anyprobe.errors import InvalidMask
 from anyprobe.files.paths import open_regular
-from anyprobe.maps.exr import EXR_MAGIC, in_display, open_exr, read_channel, square_pixels
+from anyprobe.maps.exr import EXR_MAGIC, in_display, open_exr, read_channel
 from anyprobe.masks.check import check_mask
 from anyprobe.notices import give
 from anyprobe.pictures.headers import MAX_PIXELS
@@ -138,7 +137,7 @@ def _opened(source: _File) -> str | os.PathLike[str] | io.BytesIO:
 
 
 def _read_picture(source: _File, name: str) -> np.ndarray:
-    with Image.open(_opened(source), formats=["PNG", "TIFF", "PPM"]) as image:
+    with Image.open(_opened(source), formats=["PNG", "TIFF"]) as image:
         if image.width * image.height > MAX_PIXELS:
             raise InvalidMask(
                 f"expected at most {MAX_PIXELS // 1_000_000} million pixels, "
@@ -153,18 +152,7 @@ def _read_picture(source: _File, name: str) -> np.ndarray:
                     "expected depth, got a coloured picture of it; save the depth itself", subject="depth", source=name
                 )
             return values[..., 0]
-        if image.format == "PPM":  # Pillow stretches it to the full range
-            scale = 65535 if image.mode.startswith("I") else 255
-            return np.rint(values * (_pgm_maximum(source) / scale))
         return values
-
-
-def _pgm_maximum(source: _File) -> int:
-    """Return the largest value stated in a PGM's header."""
-    with open_regular(source, InputError) if not isinstance(source, bytes) else io.BytesIO(source) as stream:
-        data = stream.read(512)
-    words = re.sub(rb"#[^\n]*", b"", data).split()
-    return int(words[3]) if len(words) > 3 and words[3].isdigit() else 255
 
 
 def _read_npy(source: _File, name: str) -> np.ndarray:
@@ -181,8 +169,7 @@ def _read_exr(source: _File, name: str) -> np.ndarray:
             channels = {key.split(".")[-1]: key for key in names}  # the layer whose name has depth in it wins
             chosen = next((channels[one] for one in EXR_CHANNELS if one in channels), None)
             if chosen is not None:
-                depth = in_display(read_channel(image, chosen), image.spec())
-                return square_pixels(depth, image.spec(), MAX_PIXELS, nearest=True)
+                return in_display(read_channel(image, chosen), image.spec())
     raise InvalidMask(
         f"expected a channel Z, V, Y or R, got {', '.join(sorted(found)) or 'none'}", subject="depth", source=name
     )
