@@ -1,4 +1,4 @@
-"""PyAV of any version: its interface, or one line; and no file is opened that was not named."""
+"""PyAV: no file is opened that was not named."""
 
 from __future__ import annotations
 

@@ -5,7 +5,6 @@ PyAV reads mp4, mov, webm, mkv, avi, gif and more; see pyav.CONTAINERS.
 
 from __future__ import annotations
 
-import errno
 import os
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager
@@ -20,7 +19,7 @@ from anyprobe.errors import AnyprobeError, InputError, InvalidPhoto, OutputError
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.paths import absence_of
 from anyprobe.video.frame_pixels import shown_pixels
-from anyprobe.video.pyav import known_interface, open_video, picture_refused, pyav
+from anyprobe.video.pyav import open_video, picture_refused, pyav
 
 CODEC = "libx264"
 QUALITY = {"crf": "18", "preset": "veryfast", "bf": "0"}
@@ -30,8 +29,6 @@ BT709 = {"colorspace": 1, "color_primaries": 1, "color_trc": 1, "color_range": 1
 TIME_BASE = Fraction(1, 90_000)
 STILLS = ("mjpeg", "png", "bmp", "webp", "tiff")
 """Codecs of cover pictures, which some files do not mark as such; that they hold one frame may not be stated."""
-SHORTAGES = (errno.EAGAIN, errno.ENOMEM, errno.EMFILE, errno.ENFILE)
-"""Error numbers of the system rather than of a file."""
 LEAST_STEP_S = 1e-3
 """Least time between two frames; some files repeat a time."""
 
@@ -78,12 +75,11 @@ class Clip:
     warnings: tuple[str, ...] = ()
 
 
-@known_interface()
 def open_clip(path: Path) -> Clip:
     """Read a video's header.
 
     Raises:
-        InputError: absent, or not a video. MissingExtra: PyAV is not installed. AnyprobeError: its version is unknown.
+        InputError: absent, or not a video. MissingExtra: PyAV is not installed.
     """
     av = pyav()
     if not path.is_file():
@@ -136,12 +132,6 @@ def _several(path: Path, stream, others: int) -> str:
 
 def _unreadable(path: Path, error: Exception) -> InputError:
     reason = getattr(error, "strerror", None) or " ".join(str(error).split())[:120] or type(error).__name__
-    if getattr(error, "errno", None) in SHORTAGES:
-        return InputError(
-            f"FFmpeg is refused memory, threads or open files ({reason}); end other programs, raise the "
-            "limits, or shrink the video",
-            source=path,
-        )
     return InputError(f"FFmpeg cannot read it as a video ({reason}); convert it to mp4", source=path)
 
 
@@ -154,13 +144,13 @@ def read_frames(clip: Clip, damaged: list[int]) -> Generator[Frame, None, None]:
     frame. A truncated file ends early.
 
     Raises:
-        InputError: no picture can be decoded, for want of a codec say. AnyprobeError: an unknown version of PyAV.
+        InputError: no picture can be decoded, for want of a codec say.
     """
     av = pyav()
     index, first_s, last_s = 0, None, -1.0
     size: tuple[int, int] | None = None
     sizes: set[tuple[int, int]] = set()
-    with known_interface(), open_video(clip.path) as container:  # open_clip has checked that it can be
+    with open_video(clip.path) as container:  # open_clip has checked that it can be
         stream = next(one for one in container.streams.video if one.index == clip.stream)
         stream.thread_type = "AUTO"
         packets, progressive = container.demux(stream), Progressive()
@@ -269,11 +259,11 @@ def _written(path: Path) -> Iterator[Any]:
     """Open a file for FFmpeg to write, which is kept only if it is complete.
 
     Raises:
-        OutputError: this build of FFmpeg cannot write it. AnyprobeError: an unknown version of PyAV.
+        OutputError: this build of FFmpeg cannot write it.
     """
     av = pyav()
     try:
-        with known_interface(), atomic_path(path) as temporary, av.open(str(temporary), "w") as container:
+        with atomic_path(path) as temporary, av.open(str(temporary), "w") as container:
             yield container
     except (av.error.FFmpegError, ValueError) as error:
         if isinstance(error, AnyprobeError):

@@ -1,20 +1,14 @@
-"""Open files by PyAV (FFmpeg's libraries), and report its faults in one line.
-
-Its interface changes with every major version: only arguments common to all are passed, and an unknown one is reported
-with the version.
-"""
+"""Open files by PyAV (FFmpeg's libraries), and report its faults in one line."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from PIL import Image
 
-from anyprobe.errors import AnyprobeError, InputError, MissingExtra
+from anyprobe.errors import InputError, MissingExtra
 
 CONTAINERS = (
     "mov matroska webm avi gif apng webp_anim jpegxl_anim mpegts mpeg mpegvideo m4v h264 hevc vvc evc obu av1 ivf flv "
@@ -41,8 +35,6 @@ ONE_FILE = {
 PLAYLISTS = (b"#EXTM3U", b"ffconcat", b"<?xml", b"<MPD", b"v=0", b"[playlist]", b"<asx", b"<smil")
 """First bytes of files that refer to other files."""
 
-TESTED = "av>=17,<20"
-"""Versions with which the tests passed."""
 
 
 def pyav() -> Any:
@@ -103,25 +95,3 @@ def _is_animated(path: Path) -> bool | None:
             return bool(getattr(image, "is_animated", False))
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
         return None
-
-
-@contextmanager
-def known_interface() -> Iterator[None]:
-    """Report in one line, with the version, what another version of PyAV lacks.
-
-    Raises:
-        AnyprobeError: a call that it does not take, or a name that it does not have.
-    """
-    try:
-        yield
-    except (TypeError, AttributeError, NotImplementedError) as error:
-        av = pyav()
-        if isinstance(error, AnyprobeError | getattr(getattr(av, "error", None), "FFmpegError", ())):
-            raise
-        version = getattr(av, "__version__", "of an unknown version")
-        said = " ".join(str(error).split())[:120]
-        raise AnyprobeError(
-            f"expected an interface that anyprobe knows, got another ({type(error).__name__}: {said}); "
-            f"pip install '{TESTED}'",
-            source=f"PyAV {version}",
-        ) from error
