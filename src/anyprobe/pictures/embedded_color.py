@@ -7,12 +7,14 @@ gAMA and cHRM where it does not say sRGB, EXIF's Adobe RGB (R03). A file without
 from __future__ import annotations
 
 import struct
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import BinaryIO
 
 import numpy as np
 from PIL import ExifTags, Image
 
+from anyprobe.maps.image_io import open_image
 from anyprobe.pictures.color_encoding import (
     ADOBE_RGB,
     OUTSIDE_SHARE,
@@ -25,10 +27,6 @@ from anyprobe.pictures.color_encoding import (
 )
 from anyprobe.pictures.heif_boxes import iso_boxes
 from anyprobe.pictures.icc import converted, encoding_of
-
-PNG_START = b"\x89PNG\r\n\x1a\n"
-PNG_CHUNKS, PNG_HEAD_BYTES = 200, 1 << 22
-"""Largest number of chunks, and of bytes, before a PNG's pixels that are searched."""
 
 BOX_BYTES = 1 << 20
 """Number of bytes at the start of an AVIF that are searched."""
@@ -155,22 +153,11 @@ def _code_points(image: Image.Image, stream: BinaryIO | None) -> tuple[int, int,
 
 def _cicp(stream: BinaryIO) -> tuple[int, int, bool, int] | None:
     """Return the code points of a PNG's cICP chunk, None without one."""
-    place, bits = stream.tell(), 8
-    stream.seek(0)
-    data = stream.read(PNG_HEAD_BYTES)
+    place, found, kind = stream.tell(), None, np.dtype(np.uint8)
+    with suppress(ValueError), open_image(stream, "png") as image:  # of a damaged one Pillow says why
+        found, kind = image.spec().getattribute("CICP"), np.dtype(str(image.spec().format))
     stream.seek(place)
-    at = len(PNG_START)
-    for _ in range(PNG_CHUNKS if data.startswith(PNG_START) else 0):
-        size, kind = int.from_bytes(data[at : at + 4], "big"), data[at + 4 : at + 8]
-        if kind == b"IHDR":
-            bits = data[at + 16] if at + 16 < len(data) else 8
-        if kind == b"cICP" and size == 4 and at + 12 <= len(data):
-            primaries, transfer, _, full = data[at + 8 : at + 12]
-            return primaries, transfer, full == 1, bits
-        if kind in (b"IDAT", b"IEND", b""):
-            return None
-        at += 12 + size
-    return None
+    return None if found is None else (found[0], found[1], found[3] == 1, 8 * kind.itemsize)
 
 
 def _nclx(stream: BinaryIO) -> tuple[int, int, bool, int] | None:
