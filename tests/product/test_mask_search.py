@@ -85,19 +85,6 @@ def test_the_second_look_is_mirrored_and_gets_the_prompts_there():
     assert mirrored[0][0] == pytest.approx(right - 70, abs=2)
 
 
-def test_a_further_click_looks_only_nearer():
-    """The whole photo is looked at once; another photo, or another network, anew."""
-    network, pixels = Redness(), read_image(photo(LARGE, LITTLE))
-    counts = []
-    for given, by in (({}, network), ({"click": (100, 110)}, network), ({"click": (250, 150)}, network)):
-        find_mask(pixels, segmenter=by, **given)
-        counts.append(len(network.looks))
-    assert counts == [2, 2, 3]
-    find_mask(read_image(photo(LITTLE)), segmenter=network)
-    find_mask(pixels, segmenter=network)
-    assert len(network.looks) == 7
-
-
 def test_what_a_box_cuts_off_is_known():
     looks = Looks(Redness(), photo(LARGE))
     whole, half = (find_object(looks, Prompts(box=box)).cut for box in ((30, 40, 170, 180), (30, 40, 100, 180)))

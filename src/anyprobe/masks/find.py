@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import threading
-import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -42,13 +40,6 @@ class FoundMask:
     verdict: str = ""
     warnings: tuple[str, ...] = ()
     prompts: Prompts = Prompts()
-
-
-def require_plausible(found: FoundMask) -> FoundMask:
-    """Return the mask unchanged, or raise InvalidMask if it has a warning: for `--strict`."""
-    if found.warnings:
-        raise InvalidMask(found.warnings[0])
-    return found
 
 
 def find_mask(
@@ -95,28 +86,10 @@ def _find(pixels: Pixels, prompts: Prompts, segmenter: NetworkSource | None) -> 
             return replace(cut_out, warnings=(*cut_out.warnings, *(as_notice(doubt, pixels.name) for doubt in doubts)))
     loaded = load_network(segmenter) if isinstance(segmenter, str) else segmenter
     network = shared_network() if loaded is None else loaded
-    found = find_object(_looks(network, pixels.rgb), prompts)
+    found = find_object(Looks(network, pixels.rgb), prompts)
     if found is None:
         raise _not_found(pixels, prompts)
     return _judged(pixels, prompts, found, network, source)
-
-
-class _Last(threading.local):
-    """The photo that was looked at last in a thread, and the looks at it."""
-
-    photo: weakref.ref[np.ndarray] | None = None
-    network: Network | None = None
-    looks: dict[object, np.ndarray]
-
-
-_LAST = _Last()
-
-
-def _looks(network: Network, rgb: np.ndarray) -> Looks:
-    """Return the looks at a photo; those of the last one are kept, so that another click looks only nearer."""
-    if _LAST.photo is None or _LAST.photo() is not rgb or _LAST.network is not network:
-        _LAST.photo, _LAST.network, _LAST.looks = weakref.ref(rgb), network, {}
-    return Looks(network, rgb, _LAST.looks)
 
 
 def check_prompts(click: Clicks | None, exclude: Clicks | None, box, width: int, height: int) -> Prompts:

@@ -167,16 +167,12 @@ class Finding:
 
 
 class Looks:
-    """Looks of a network at windows of one photo [H, W, 3] of display values, each taken once.
+    """Looks of a network at windows of one photo [H, W, 3] of display values, each taken once."""
 
-    Args:
-        kept: looks that were taken at the same photo before.
-    """
-
-    def __init__(self, network: Network, rgb: np.ndarray, kept: dict[object, np.ndarray] | None = None) -> None:
+    def __init__(self, network: Network, rgb: np.ndarray) -> None:
         self.network, self.rgb = network, rgb
         self.photo = Window(x0=0, y0=0, x1=rgb.shape[1], y1=rgb.shape[0])
-        self._kept = {} if kept is None else kept
+        self._kept: dict[object, np.ndarray] = {}
 
     def at(self, window: Window, prompts: Prompts, mirrored: bool = False) -> np.ndarray:
         """Return the cover [GRID, GRID] of a window, zero outside the box."""

@@ -36,7 +36,6 @@ PLAYLISTS = (b"#EXTM3U", b"ffconcat", b"<?xml", b"<MPD", b"v=0", b"[playlist]", 
 """First bytes of files that refer to other files."""
 
 
-
 def pyav() -> Any:
     """Import PyAV.
 
