@@ -10,18 +10,15 @@ import { said } from "./said.js";
 
 const [WIDTH, HEIGHT] = [160, 120];
 
-/** A bright square on a dark ground, with the camera's noise, as a frame's memory. */
+/** A bright square on a dark ground, with the camera's noise, as a texture's memory: its lowest row first. */
 function frameOf(left, noise, random, shade = () => 180) {
-  const count = WIDTH * HEIGHT;
-  const bytes = new Uint8Array(1.5 * count).fill(128);
-  for (let i = 0; i < count; i++) {
+  const bytes = new Uint8Array(4 * WIDTH * HEIGHT);
+  for (let i = 0; i < WIDTH * HEIGHT; i++) {
     const [x, y] = [i % WIDTH, Math.floor(i / WIDTH)];
     const isInside = x >= left && x < left + 60 && y >= 30 && y < 90;
-    bytes[i] = (isInside ? shade(x - left) : 90) + noise * (random() - 0.5);
+    bytes.fill((isInside ? shade(x - left) : 90) + noise * (random() - 0.5), 4 * i, 4 * i + 4);
   }
-  const chroma = (offset) => ({ offset, stride: WIDTH / 2 });
-  const layout = [{ offset: 0, stride: WIDTH }, chroma(count), chroma(1.25 * count)];
-  return { width: WIDTH, height: HEIGHT, format: "I420", layout, matrix: "bt709", fullRange: false, bytes };
+  return { width: WIDTH, height: HEIGHT, bytes };
 }
 
 /** Numbers in [0, 1) that are the same in every run. */
@@ -180,7 +177,7 @@ test("a frame in which nothing can be seen keeps the last light, and many of the
   let isDark = false;
   const masks = masksBy(async ({ rgba }) => (isDark ? { mask: new Float32Array(rgba.length / 4), quality: 0 } : foundIn(rgba)));
   const lights = new FrameLight(models, masks, noHints, 65);
-  const next = (at) => lights.next(isDark ? { ...frameOf(50, 10, random), bytes: new Uint8Array(1.5 * WIDTH * HEIGHT) } : frameOf(50, 10, random), at / 15);
+  const next = (at) => lights.next(isDark ? { ...frameOf(50, 10, random), bytes: new Uint8Array(4 * WIDTH * HEIGHT) } : frameOf(50, 10, random), at / 15);
   assert.ok((await next(0)).light);
   isDark = true;
   for (let at = 1; at < 8; at++) assert.equal((await next(at)).held, true);
@@ -232,11 +229,7 @@ test("a camera that is turned is looked at anew: nothing of its last pictures is
   };
   const lights = new FrameLight(models, masksBy(findMask), { on: [[0.5, 0.5]], off: [] }, 65);
   const landscape = () => frameOf(50, 10, random);
-  const portrait = () => {
-    const { layout, ...frame } = frameOf(50, 10, random);
-    layout.forEach((plane) => (plane.stride *= HEIGHT / WIDTH));
-    return { ...frame, layout, width: HEIGHT, height: WIDTH };
-  };
+  const portrait = () => ({ ...frameOf(50, 10, random), width: HEIGHT, height: WIDTH });
   assert.ok((await lights.next(landscape(), 0)).mask);
   level = 0.52; // so near that a light of the same camera would move there slowly
   const turned = await lights.next(portrait(), 1 / 15);

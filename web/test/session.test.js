@@ -23,22 +23,7 @@ globalThis.document = {
     return elements.get(id);
   },
 };
-globalThis.VideoFrame = class {
-  format = "I420";
-  colorSpace = { matrix: "bt709", fullRange: true };
-  constructor({ size: [width, height] }) {
-    this.visibleRect = { width, height };
-    [this.displayWidth, this.displayHeight] = [width, height];
-  }
-  allocationSize() {
-    return 1.5 * this.displayWidth * this.displayHeight;
-  }
-  async copyTo() {
-    const [stride, count] = [this.displayWidth, this.displayWidth * this.displayHeight];
-    return [0, count, 1.25 * count].map((offset) => ({ offset, stride: offset ? stride / 2 : stride }));
-  }
-  close() {}
-};
+globalThis.createImageBitmap = async () => ({});
 Object.defineProperty(globalThis, "navigator", {
   value: { mediaDevices: { getUserMedia: () => new Promise((resolve, reject) => cameras.push({ resolve, reject })) } },
 });

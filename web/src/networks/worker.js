@@ -4,7 +4,7 @@
  * It speaks the four words of a session. Asked are {id, say, of, ...given}: `open` the networks, then `mark` the object and
  * `estimate` its light, of a still picture or of a camera's, whose frames have no id. Delivered are {id, result} or
  * {id, error}, unless {giveUp: id} comes first; {live} of the newest frame whenever the last light is done, its mask first;
- * {progress} of files; and {spare}, memory of frames. One thread finds masks and one lights, joined by a port.
+ * {progress} of files; and {spare}, memory of textures. One thread finds masks and one lights, joined by a port.
  */
 
 import { sentError } from "../errors.js";

@@ -18,7 +18,7 @@ export class WorkerClient {
   /** Hears the lights of a video's frames. */
   onLive = () => {};
 
-  /** Memory of frames that are done with. */
+  /** Memory of textures that are done with. */
   spares = [];
 
   /**
