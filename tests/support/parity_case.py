@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict
-from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -25,8 +24,6 @@ from anyprobe.masks.check import look_at_given
 from anyprobe.masks.networks import default_graph, small_network
 from anyprobe.masks.quality import examine
 from anyprobe.masks.search import Looks, Prompts, find_object
-from anyprobe.relight.ground_view import View
-from anyprobe.relight.placement import Outline, Spot, find_spot
 
 HINTS = {
     "none": {"on": [], "off": []},
@@ -144,48 +141,6 @@ def _given_masks(folder: Path) -> list[dict]:
     return [{"width": 120, "said": [(one.code, one.text) for one in look_at_given(mask)[1]]} for mask in cases]
 
 
-SHAPES = [
-    [(10, 20, 150, 180)],
-    [(200, 100, 400, 300)],
-    [(480, 300, 599, 399)],
-    [(5, 5, 595, 395)],
-    [(0, 200, 330, 400)],
-    [(100, 40, 520, 120), (280, 120, 340, 330)],  # overhangs on both sides
-    [(60, 60, 110, 90), (110, 60, 300, 260), (300, 150, 450, 180)],  # a handle and a longer spout
-    [(0, 30, 600, 200)],
-]
-"""Of real objects: rectangles, in pixels."""
-CARDS = [(100, 100), (700, 120), (60, 700), (500, 30)]
-PITCHES_DEG = [-15.0, 0.0, 12.0]
-
-
-def _placements() -> list[dict]:
-    """Where find_spot puts flat things of some size beside real objects, under cameras of some pitch."""
-    cases = []
-    for shape, (wide, high), pitch_deg in product(SHAPES, CARDS, PITCHES_DEG):
-        mask = np.zeros((400, 600), np.float32)
-        for left, top, right, bottom in shape:
-            mask[top:bottom, left:right] = 1.0
-        tilt = np.radians(pitch_deg)
-        view = View(width=600, height=400, focal=500.0, up=np.array([0.0, np.cos(tilt), np.sin(tilt)]))
-
-        def covered(spot: Spot, wide=wide, high=high) -> tuple[float, float, float, float]:
-            scale = spot.share * max(0.5 + 0.5 * spot.y / 400, 0.1)
-            return (
-                spot.x - wide * scale / 2,
-                spot.y - high * scale,
-                spot.x + wide * scale / 2,
-                spot.y + 0.3 * high * scale,
-            )
-
-        row = max(bottom for *_, bottom in shape)
-        given = {"row": row, "behind": row - 60, "most_behind": 0.8}
-        spot, side = find_spot(view, Outline(mask), *given.values(), covered)
-        found = asdict(spot) | {"side": side}
-        cases.append(given | {"shape": shape, "card": [wide, high], "pitch_deg": pitch_deg, "found": found})
-    return cases
-
-
 def _ground_doubts() -> list[dict]:
     """What is said of pitches: given, estimated well and badly."""
     cases = []
@@ -286,7 +241,6 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
         "hints": HINTS,
         "materials": GIVEN_MATERIALS,
         "frame_seconds": FRAME_SECONDS,
-        "placements": _placements(),
         "ground_doubts": _ground_doubts(),
         "given_masks": _given_masks(folder),
         "found": found,

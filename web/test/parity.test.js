@@ -17,12 +17,10 @@ import { splitSources } from "../src/light/lightSources.js";
 import { shown, shownSources, step } from "../src/light/temporal.js";
 import { lookAtGiven } from "../src/photo/maskCheck.js";
 import { groundDoubts } from "../src/photo/ground.js";
-import { objectBox } from "../src/photo/picture.js";
 import { SmallNetwork } from "../src/photo/maskNetworks.js";
 import { doubtOf, examine, expectedIou } from "../src/photo/quality.js";
 import { Looks, findObject, maskOf } from "../src/photo/search.js";
 import { inverseResponse, response } from "../src/core/response.js";
-import { Silhouette, farthestRow, findSpot } from "../page/view/placement.js";
 import { lightOfStill } from "../src/networks/lightOfStill.js";
 import { Models } from "../src/networks/models.js";
 
@@ -67,7 +65,7 @@ before(async () => {
   const given = JSON.parse(readFileSync(join(folder, "case.json")));
   const { width, height, long_fov_deg, weights } = given;
   const rgba = new Uint8ClampedArray(readFileSync(join(folder, "photo.rgba")));
-  Object.assign(found, { picture: { width, height, rgba }, longFovDeg: long_fov_deg, hints: given.hints, materials: given.materials, frameSeconds: given.frame_seconds, placements: given.placements, groundDoubts: given.ground_doubts, balls: given.balls, givenMasks: given.given_masks, found: given.found, lights: given.lights });
+  Object.assign(found, { picture: { width, height, rgba }, longFovDeg: long_fov_deg, hints: given.hints, materials: given.materials, frameSeconds: given.frame_seconds, groundDoubts: given.ground_doubts, balls: given.balls, givenMasks: given.given_masks, found: given.found, lights: given.lights });
   ort.env.wasm.numThreads = 1;
   const bytes = Object.fromEntries(
     Object.entries(weights).map(([stage, path]) => [stage, new Uint8Array(readFileSync(path))]),
@@ -224,27 +222,3 @@ test("the leader of sources that change rank", { skip }, () => {
 test("a blur of Python's own map", { skip }, () => {
   assertClose(blurCosinePower(floats("radiance"), 64, 3, 5), floats("blurred"), 1e-4, "blur");
 });
-
-test("where a virtual object stands", { skip }, () => {
-  const sides = { beside: 0, front: 0, behind: 0 };
-  const atFarRow = found.placements.filter(({ shape, row, behind, most_behind: mostBehind, card, pitch_deg: pitchDeg, found: expected }) => {
-    const mask = new Float32Array(600 * 400);
-    for (const [x0, y0, x1, y1] of shape) {
-      for (let y = y0; y < y1; y++) mask.fill(1, y * 600 + x0, y * 600 + x1);
-    }
-    const silhouette = new Silhouette(mask, 600, objectBox(mask, 600));
-    const extentAt = ({ x, y, share }) => {
-      const scale = share * Math.max(0.5 + (0.5 * y) / 400, 0.1);
-      return [x - (card[0] * scale) / 2, y - card[1] * scale, x + (card[0] * scale) / 2, y + 0.3 * card[1] * scale];
-    };
-    const farRow = farthestRow(400, 500, pitchDeg);
-    const spot = findSpot({ silhouette, row, behind, farRow, mostBehind }, extentAt);
-    assertClose([spot.x, spot.y, spot.share], [expected.x, expected.y, expected.share], 1e-6, `${shape} ${card} ${pitchDeg}`);
-    assert.equal(spot.side, expected.side);
-    sides[spot.side] += 1;
-    return Math.abs(spot.y - farRow) < 1e-9;
-  });
-  assert.ok(atFarRow.length > 3);
-  assert.ok(Math.min(...Object.values(sides)) > 3, JSON.stringify(sides));
-});
-

@@ -2,7 +2,7 @@
 
 On the side with more room, also under overhangs; on the other if only that holds it; smaller if neither does.
 Where it would become too small, nearer to the camera if it covers nothing there; else beside and smaller still; else
-behind the real one, which then occludes part of it. web/page/view/placement.js does the same.
+behind the real one, which then occludes part of it.
 
 Of that spot and of nearer, smaller ones beside, the one is taken whose size times the share of its foot on the surface
 under the real object is greatest; a foot with less than STANDS of it there would seem to float, and is refused.

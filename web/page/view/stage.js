@@ -27,7 +27,7 @@ import { contactOf, likelyPitchDeg, seenPitchDeg } from "../../src/photo/ground.
 import { DrawnAside } from "./drawnAside.js";
 import { ContactShadow, EnvironmentTexture, MaskOccluder, groundShadowOpacity, installCameraCurve } from "../../src/three/index.js";
 import { extentOf, outlineOf } from "./outline.js";
-import { Silhouette, farthestRow, findSpot } from "./placement.js";
+import { findSpot } from "./placement.js";
 import { dispose } from "./virtualObjects.js";
 import { findWebgl } from "./webgl.js";
 
@@ -41,8 +41,8 @@ const SHADOW_PX = 256;
 const CATCHER = 6;
 /** Pixels drawn for a pixel shown, along each side, over the camera's picture where WebGL is software. */
 const COARSE = 0.7;
-/** Said of a place that was not asked for. */
-const NOT_BESIDE = { front: "in front of it", behind: "behind it" };
+/** Nothing is placed nearer to the horizon than this, of the photo's height. */
+const BELOW_HORIZON = 0.02;
 /** Cosine of a quarter of a degree: a dominant light that turns by less keeps its shadow. */
 const SAME_DIRECTION = 0.99999;
 
@@ -115,7 +115,6 @@ export class Stage {
     const longFovDeg = lensDeg ?? DEFAULT_LONG_FOV_DEG;
     const isSame = [width, height, ...box].join() === [this.width, this.height, ...(this.box ?? [])].join();
     Object.assign(this, { width, height, longFovDeg, box, contact: contactOf(mask, width, box) });
-    this.silhouette = new Silhouette(mask, width, box);
     this.setMask(mask);
     const half = Math.tan((longFovDeg * Math.PI) / 360) * (height / Math.max(width, height));
     this.camera.fov = (2 * Math.atan(half) * 180) / Math.PI;
@@ -134,10 +133,10 @@ export class Stage {
 
   /** Put the object beside the real one, all of it in the photo. */
   #standBeside() {
-    const { width, height, box, silhouette, size } = this;
+    const { width, height, box, size } = this;
     const real = Math.max(box[3] - box[1], 0.6 * (box[2] - box[0]));
     const asked = (OF_REAL * real * DISTANCE) / this.#focalPx();
-    const farRow = farthestRow(height, this.#focalPx(), this.pitchDeg);
+    const farRow = height / 2 - this.#focalPx() * Math.tan((this.pitchDeg * Math.PI) / 180) + BELOW_HORIZON * height;
     const extentAt = ({ x, y, share }) => {
       this.#setFoot(x, Math.max(y, farRow));
       this.standing.scale.setScalar(asked * share * size);
@@ -146,11 +145,9 @@ export class Stage {
       return extentOf(this.outline, clip, width, height);
     };
     const [, row] = this.contact;
-    const behind = this.#rowBehind(asked * Math.min(size, 1 / OF_REAL));
-    const mostBehind = Math.min(1, 1 / (OF_REAL * size));
-    const { x, y, share, side } = findSpot({ silhouette, row, behind, farRow, mostBehind }, extentAt);
+    const { x, y, share, isBehind } = findSpot({ width, height, box, row, behind: this.#rowBehind(asked) }, extentAt);
     this.unit = asked * share;
-    this.side = side;
+    this.isBehind = isBehind;
     this.#setFoot(x, Math.max(y, farRow));
     this.#place();
   }
@@ -217,7 +214,7 @@ export class Stage {
   /** Move the object to where the ground lies behind a pixel of the photo; false if none does. */
   moveTo(x, y) {
     this.isTouched = true;
-    this.side = null;
+    this.isBehind = false;
     const isGround = this.#setFoot(x, y);
     if (isGround) this.#aimShadow();
     return isGround;
@@ -242,9 +239,7 @@ export class Stage {
   /** What is to be said of the object's place: empty where all of it is in the photo, and nothing hides it. */
   placeNote() {
     if (!this.object || !this.box) return "";
-    if (this.side in NOT_BESIDE) {
-      return `There is no room beside the object: the virtual one stands ${NOT_BESIDE[this.side]}. Drag it.`;
-    }
+    if (this.isBehind) return "There is no room beside the object: the virtual one stands behind it. Drag it.";
     this.standing.updateWorldMatrix(true, false);
     const clip = new Matrix4().multiplyMatrices(this.camera.projectionMatrix, this.standing.matrixWorld);
     const [x0, y0, x1, y1] = extentOf(this.outline, clip, this.width, this.height);
