@@ -43,7 +43,7 @@ def test_a_slip_of_the_pen_is_answered_with_what_was_meant(call, name, meant):
 
 
 CASES = json.loads((Path(__file__).parent / "cases" / "misspelt.json").read_text(encoding="utf-8"))
-"""Names, the known ones and what is said; web/test/spelling.test.js asks JavaScript the same."""
+"""Names, the known ones and what is said."""
 
 
 @pytest.mark.parametrize("case", CASES, ids=[case["name"] for case in CASES])

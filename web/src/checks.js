@@ -2,7 +2,6 @@
 
 import { AnyProbeError } from "./errors.js";
 import { INPUTS } from "./options.js";
-import { didYouMean } from "./spelling.js";
 
 const about = (...kinds) => Object.keys(INPUTS).filter((name) => kinds.includes(INPUTS[name].about));
 
@@ -33,10 +32,7 @@ export function checkNames(method, given) {
   if (given === undefined) return;
   if (given === null || typeof given !== "object") throw wrong(method, "an object of options", given);
   const unknown = Object.keys(given).filter((name) => !OPTIONS[method].includes(name) && !OWN[method]?.includes(name));
-  if (unknown.length) {
-    const meant = didYouMean(unknown[0], OPTIONS[method]);
-    throw new AnyProbeError("invalid-option", `${method}: unknown option ${unknown.join(", ")}; expected of ${OPTIONS[method].join(", ")}${meant}`);
-  }
+  if (unknown.length) throw new AnyProbeError("invalid-option", `${method}: unknown option ${unknown.join(", ")}; expected of ${OPTIONS[method].join(", ")}`);
   if (method === "tracker.offer") return; // whose pose is one
   for (const name of CALLED) if (given[name] !== undefined && typeof given[name] !== "function") throw wrong(name, "a function", given[name]);
   const { signal } = given;
@@ -47,13 +43,13 @@ export function checkNames(method, given) {
 /** Refuse an unknown word, or a number out of bounds. */
 function checkOne(name, value) {
   const { words, least, most, unit } = INPUTS[name];
-  if (words && ![...words, true, false].includes(value)) throw wrong(name, words.join(", "), value, words);
+  if (words && ![...words, true, false].includes(value)) throw wrong(name, words.join(", "), value);
   if (least !== undefined && !(typeof value === "number" && value >= least && value <= most)) throw wrong(name, `${least} to ${most} ${unit}`, value);
 }
 
-/** @param {string} name @param {string} expected @param {unknown} got @param {unknown[]} [known] all that it may be */
-export function wrong(name, expected, got, known = []) {
-  return new AnyProbeError("invalid-option", `expected ${expected}, got ${shown(got)}${didYouMean(got, known)}`, { subject: [name] });
+/** @param {string} name @param {string} expected @param {unknown} got */
+export function wrong(name, expected, got) {
+  return new AnyProbeError("invalid-option", `expected ${expected}, got ${shown(got)}`, { subject: [name] });
 }
 
 /** Describe a value in one line. */

@@ -1,18 +1,15 @@
-"""The known name that was meant by an unknown one; web/src/spelling.js says the same."""
+"""The known name that was meant by an unknown one."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from difflib import get_close_matches
 
-from anyprobe.core.contract import contract
-
-_SPELLING = contract("spelling")
-LEAST_LIKENESS: float = _SPELLING["least_likeness"]
+LEAST_LIKENESS = 0.75
 """Smallest difflib ratio of a name that may be meant: golden is like gold (0.80), not like molybdenum (0.63)."""
-MOST: int = _SPELLING["most"]
+MOST = 2
 """Most names that are proposed."""
-LEAST_PART: int = _SPELLING["least_part"]
+LEAST_PART = 3
 """Fewest letters that stand for a name that contains them."""
 
 

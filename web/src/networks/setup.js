@@ -2,7 +2,6 @@
 
 import { AnyProbeError } from "../errors.js";
 import { wrong } from "../checks.js";
-import { didYouMean } from "../spelling.js";
 
 /** Where each is missing, anyprobe cannot run; and since which browsers it is not. */
 const NEEDED = {
@@ -67,10 +66,7 @@ function weightsOf(given = {}, own = {}) {
   if (given === null || typeof given !== "object") throw wrong("weights", "an object with the address of each graph", given);
   const names = Object.keys(given).filter((name) => given[name] !== undefined);
   const unknown = names.filter((name) => !GRAPHS.includes(name));
-  if (unknown.length) {
-    const meant = didYouMean(unknown[0], GRAPHS);
-    throw new AnyProbeError("invalid-option", `expected of ${GRAPHS.join(", ")}, got ${unknown.join(", ")}${meant}`, { subject: ["weights"] });
-  }
+  if (unknown.length) throw new AnyProbeError("invalid-option", `expected of ${GRAPHS.join(", ")}, got ${unknown.join(", ")}`, { subject: ["weights"] });
   const weights = { ...own };
   for (const name of names) weights[name] = given[name];
   if (!weights.light) throw new AnyProbeError("invalid-option", `expected light, got ${names.join(", ") || "none"}`, { subject: ["weights"] });

@@ -3,7 +3,6 @@
 import { CONTRACT } from "../core/contract.js";
 import { AnyProbeError } from "../errors.js";
 import { shown, wrong } from "../checks.js";
-import { didYouMean } from "../spelling.js";
 
 const MATTE = "matte";
 const { least_roughness: LEAST_ROUGHNESS, least_reflectance: LEAST_REFLECTANCE } = CONTRACT.materials;
@@ -18,7 +17,7 @@ export const MATERIALS = { ...CONTRACT.materials.named, ...CONTRACT.materials.me
 export function givenMaterial(given) {
   const { name = MATTE, albedo, roughness } = typeof given === "string" ? { name: given } : checkParts(given);
   const known = Object.keys(MATERIALS);
-  if (!known.includes(name)) throw wrong("material", `one of ${known.join(", ")}`, name, known);
+  if (!known.includes(name)) throw wrong("material", `one of ${known.join(", ")}`, name);
   const material = { ...MATERIALS[name] };
   if (roughness !== undefined) {
     if (!(roughness >= LEAST_ROUGHNESS && roughness <= 1)) {
@@ -47,8 +46,7 @@ function checkParts(given) {
   const isObject = given !== null && typeof given === "object" && !Array.isArray(given);
   const names = isObject ? Object.keys(given).filter((name) => given[name] !== undefined) : [];
   if (names.length && names.every((name) => PARTS.includes(name))) return given;
-  const meant = didYouMean(names.find((name) => !PARTS.includes(name)), PARTS);
-  throw refused("material", `expected a name, or an object of ${PARTS.join(", ")}, got ${shown(given)}${meant}`);
+  throw refused("material", `expected a name, or an object of ${PARTS.join(", ")}, got ${shown(given)}`);
 }
 
 /** A given material as the network takes it; undefined where none is given. */
