@@ -108,7 +108,7 @@ def test_own_photo_is_estimated_clicked_relit_and_downloaded(page_url, aside_pho
     for target in TARGETS:
         archive = zipfile.ZipFile(io.BytesIO(files[target].read_bytes()))
         said = json.loads(archive.read(f"light_{target}.json"))
-        assert said["dominant_light"]["error_deg"] == sidecar["dominant_light"]["error_deg"]
+        assert said["dominant_light"]["error_deg"] == pytest.approx(sidecar["dominant_light"]["error_deg"], abs=0.06)
         assert said["origin"]["level"].endswith("the camera's pitch is not known")  # of a cut-out
         assert said["origin"]["photo"] == "vase"
 

@@ -15,59 +15,43 @@ const SCALE =
 /** Version of the keys; files without one are of an older release. */
 const VERSION = 4;
 
-const numbers = (values) => Array.from(values, (value) => Number(value.toFixed(6)));
-
 /** Everything but the pixels, with the keys of Light.sidecar. */
-export function sidecar(result, { photo, model, longFovDeg }) {
-  const { sh9, sources, dominant, directionality, hints, ground, soft, outdoors, wellExposedFraction, meanConfidence, object, uncertainty } = result.light;
-  return {
+export function sidecar({ light }, { photo, model, longFovDeg }) {
+  const { dominant, sources, directionality, ground, soft, outdoors, object, uncertainty, wellExposedFraction } = light;
+  const { direction, irradiance, color, radiusDeg, errorDeg } = dominant;
+  const solidAngleSr = 2 * Math.PI * (1 - Math.cos((radiusDeg * Math.PI) / 180));
+  return asPython({
     version: VERSION,
     photo,
     model,
-    long_fov_deg: longFovDeg,
-    hints: { surroundings: Number(hints.surroundings.toFixed(4)) },
-    ground: ground && {
-      pitch_deg: Number(ground.pitchDeg.toFixed(2)),
-      pitch_error_deg: Number(ground.pitchErrorDeg.toFixed(2)),
-      roll_deg: Number(ground.rollDeg.toFixed(2)),
-      contact: ground.contact.map((value) => Number(value.toFixed(1))),
-      source: ground.source,
-    },
-    object: object && {
-      metal: Number(object.metal.toFixed(3)),
-      reflectance: object.reflectance.map((value) => Number(value.toFixed(3))),
-      reflectance_stops: Number(object.reflectanceStops.toFixed(2)),
-    },
-    uncertainty: uncertainty && {
-      level_stops: Number(uncertainty.levelStops.toFixed(2)),
-      color_deg: Number(uncertainty.colorDeg.toFixed(1)),
-    },
+    longFovDeg,
+    hints: { surroundings: light.hints.surroundings },
+    ground,
+    object,
+    uncertainty,
     frame: FRAME,
     scale: SCALE,
-    exposure_ev: 0,
+    exposureEv: 0,
     response: { curve: "sigmoid", exponent: EXPONENT, sigma: SIGMA },
     size: [2 * MAP_HEIGHT, MAP_HEIGHT],
-    confidence: meanConfidence && Number(meanConfidence.toFixed(4)),
-    well_exposed_fraction: Number(wellExposedFraction.toFixed(4)),
-    sh9: Array.from({ length: 9 }, (_, i) => numbers(sh9.slice(3 * i, 3 * i + 3))),
-    ...(soft === undefined ? {} : { soft: Number(soft.toFixed(3)) }),
-    ...(outdoors === undefined ? {} : { outdoors: Number(outdoors.toFixed(3)) }),
-    ...(result.light.isSoft ? { brightest_side: brightestSide(result.light) } : {}),
-    dominant_light: {
-      direction: numbers(dominant.direction),
-      irradiance: numbers(dominant.irradiance),
-      color: numbers(dominant.color),
-      solid_angle_sr: Number((2 * Math.PI * (1 - Math.cos((dominant.radiusDeg * Math.PI) / 180))).toFixed(5)),
-      directionality: Number(directionality.toFixed(4)),
-      error_deg: Number(dominant.errorDeg.toFixed(1)),
-    },
-    sources: sources.map(({ direction, radiusDeg, power, exists }) => ({
-      direction: numbers(direction),
-      radius_deg: Number(radiusDeg.toFixed(2)),
-      power: numbers(power),
-      exists: Number(exists.toFixed(3)),
-    })),
-  };
+    confidence: light.meanConfidence,
+    wellExposedFraction,
+    sh9: Array.from({ length: 9 }, (_, i) => light.sh9.slice(3 * i, 3 * i + 3)),
+    soft,
+    outdoors,
+    brightestSide: light.isSoft ? brightestSide(light) : undefined,
+    dominantLight: { direction, irradiance, color, solidAngleSr, directionality, errorDeg },
+    sources: sources.map(({ direction, radiusDeg, power, exists }) => ({ direction, radiusDeg, power, exists })),
+  });
+}
+
+/** A value as Python has it: keys in its spelling, lists of numbers, six digits after the point. */
+function asPython(value) {
+  if (typeof value === "number") return Number(value.toFixed(6));
+  if (value === null || typeof value !== "object") return value;
+  if (Array.isArray(value) || ArrayBuffer.isView(value)) return Array.from(value, asPython);
+  const spelt = (key) => key.replace(/[A-Z]/g, (letter) => `_${letter.toLowerCase()}`);
+  return Object.fromEntries(Object.entries(value).map(([key, one]) => [spelt(key), asPython(one)]));
 }
 
 /** Files that need no server: suffix to bytes. */

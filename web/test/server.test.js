@@ -57,8 +57,8 @@ test("an export is sent with what is known of its light", async () => {
   await exportTarget({ light }, "blender", about);
   assert.deepEqual([...body.keys()], ["photo", "sidecar"]);
   const said = JSON.parse(await body.get("sidecar").text());
-  assert.equal(said.dominant_light.error_deg, 21);
-  assert.deepEqual(said.ground, { pitch_deg: 20, pitch_error_deg: 4, roll_deg: 3, contact: [200, 300], source: "estimated" });
+  assert.equal(said.dominant_light.error_deg, 21.04);
+  assert.deepEqual(said.ground, { pitch_deg: 20.004, pitch_error_deg: 4, roll_deg: 3, contact: [200, 300], source: "estimated" });
   await exportTarget({ light: { ...light, ground: null } }, "blender", about);
   assert.equal(JSON.parse(await body.get("sidecar").text()).ground, null);
 });
