@@ -2,7 +2,7 @@
 
 import { Light, describe } from "../src/light/light.js";
 import { shadeSpheres } from "../src/light/spheres.js";
-import { readBitmap } from "./openPhoto.js";
+import { readSource } from "../src/photo/source.js";
 import { askServer } from "./server.js";
 
 /** Files that come with the page. */
@@ -30,8 +30,7 @@ export async function readExample() {
 }
 
 async function readPicture(path) {
-  const blob = await (await fetchExample(path)).blob();
-  return readBitmap(await createImageBitmap(blob), Infinity);
+  return readSource(await (await fetchExample(path)).blob());
 }
 
 /** {shape, dtype: float32, base64} to numbers. */

@@ -1,11 +1,8 @@
 /** Open files, pasted pictures and addresses as pictures in memory. */
 
-import { exifFovDeg } from "../src/files/exif.js";
 import { DEFAULT_LONG_FOV_DEG } from "../src/photo/lens.js";
+import { readSource } from "../src/photo/source.js";
 import { askServer } from "./server.js";
-
-/** Longer side to which a photo is shrunk: more than is shown, and ample for a crop of 128. */
-export const LONG_PX = 1600;
 
 /**
  * @typedef {object} Opened
@@ -25,30 +22,12 @@ export const LONG_PX = 1600;
  */
 export async function openPhoto(blob, name, hasServer) {
   if (blob.size === 0) throw new Error(`${name} is empty; copy it again`);
-  let longFovDeg = await exifFovDeg(blob);
-  let bitmap;
-  try {
-    bitmap = await createImageBitmap(blob, { imageOrientation: "from-image" });
-  } catch {
+  const opened = await readSource(blob).catch(async () => {
     const converted = await throughServer(blob, name, hasServer);
-    longFovDeg = converted.longFovDeg ?? longFovDeg;
-    bitmap = await createImageBitmap(converted.blob);
-  }
-  const picture = readBitmap(bitmap, LONG_PX);
-  return { picture, longFovDeg: longFovDeg ?? DEFAULT_LONG_FOV_DEG, lensDeg: longFovDeg, name: name.replace(/\.[^.]*$/, "") };
-}
-
-/** Pixels of a bitmap, shrunk to a longer side; the bitmap is closed. */
-export function readBitmap(bitmap, longPx) {
-  const scale = Math.min(1, longPx / Math.max(bitmap.width, bitmap.height));
-  const width = Math.max(1, Math.round(bitmap.width * scale));
-  const height = Math.max(1, Math.round(bitmap.height * scale));
-  const canvas = new OffscreenCanvas(width, height);
-  const context = canvas.getContext("2d", { willReadFrequently: true });
-  context.imageSmoothingQuality = "high";
-  context.drawImage(bitmap, 0, 0, width, height);
-  bitmap.close();
-  return { width, height, rgba: context.getImageData(0, 0, width, height).data };
+    return { ...(await readSource(converted.blob)), exifFovDeg: converted.longFovDeg };
+  });
+  const { exifFovDeg: lensDeg, ...picture } = opened;
+  return { picture, longFovDeg: lensDeg ?? DEFAULT_LONG_FOV_DEG, lensDeg, name: name.replace(/\.[^.]*$/, "") };
 }
 
 async function throughServer(blob, name, hasServer) {

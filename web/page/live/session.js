@@ -9,7 +9,7 @@ import { closeCamera, openCamera, watchCamera } from "./camera.js";
 import { readSize } from "../../src/live/videoFrames.js";
 import { objectBox } from "../../src/photo/picture.js";
 import { resize } from "../../src/photo/resize.js";
-import { LONG_PX, readBitmap } from "../openPhoto.js";
+import { readSource } from "../../src/photo/source.js";
 
 const RATES_EVERY_MS = 500;
 
@@ -222,9 +222,8 @@ export class LiveSession {
   /** The camera's last picture as a photo, with its object and light; null before there is a light. */
   async still() {
     const { live, object, shown, pitchDeg } = this;
-    const bitmap = this.placed && shown?.spheres && shown.stages && (await createImageBitmap(this.stage.video));
-    if (!bitmap || this.live !== live) return null;
-    const picture = readBitmap(bitmap, LONG_PX);
+    const picture = this.placed && shown?.spheres && shown.stages && (await readSource(this.stage.video));
+    if (!picture || this.live !== live) return null;
     const mask = resize(object.mask, 1, [object.width, object.height], [picture.width, picture.height]);
     const found = { data: mask, quality: object.quality, notices: [] };
     const lens = { longFovDeg: DEFAULT_LONG_FOV_DEG, lensDeg: null };
