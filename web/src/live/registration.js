@@ -1,6 +1,7 @@
 /**
- * Find the object of one picture, the key, in another one to a fraction of a pixel, by the rules of
- * anyprobe.video.registration, which says what each name means. Both are held to tests/product/cases/registration.json.
+ * Find the object of one picture, the key, in another one to a fraction of a pixel. A place p of the key lies at
+ * W(p) = c + (x, y) + e^scale R(angle) (p - c), with c the mean of the mask's pixels. tests/product/cases/registration.json holds it
+ * to known motions.
  *
  * @typedef {{width: number, height: number, values: Float32Array}} Luma a picture, or the window of one at an offset
  * @typedef {{x: number, y: number, angle: number, scale: number}} Motion pixels, radians clockwise, natural logarithm
@@ -11,6 +12,7 @@ import { CONTRACT } from "../core/contract.js";
 import { solved } from "../core/linear.js";
 import { median } from "../photo/ground.js";
 import { objectBox } from "../photo/picture.js";
+import { resize } from "../photo/resize.js";
 
 const { fine_px: FINE_PX, coarse_px: COARSE_PX, points: POINTS, reach: REACH, pull: PULL, ...NUMBERS } = CONTRACT.registration;
 const { steps: STEPS, done_px: DONE_PX, spread: SPREAD, least: LEAST, least_gain: LEAST_GAIN } = NUMBERS;
@@ -58,12 +60,11 @@ export function lumaOf({ width, rgba }, [x0, y0, x1, y1]) {
 export function beginKey(picture, mask, offset = [0, 0]) {
   const { center, radius, longer } = placeOf(mask, picture.width, offset);
   const [fine, coarse] = [FINE_PX, COARSE_PX].map((most) => Math.max(0, Math.ceil(Math.log2(longer / most))));
-  const first = aligned(offset, coarse);
-  const pictures = pyramid(smoothed(cut(picture, coarse, offset)), coarse);
-  const covers = pyramid(cut({ ...picture, values: mask }, coarse, offset), coarse);
+  const pictures = pyramid(smoothed(picture), coarse);
+  const covers = pyramid({ ...picture, values: mask }, coarse);
   const levels = [];
-  for (let level = fine; level <= coarse; level++) levels.push(levelOf(pictures[level], covers[level].values, level, first, center, radius));
-  return { center, radius, fine, coarse, levels, ...coarseBox(pictures[coarse], covers[coarse].values, coarse, first, center) };
+  for (let level = fine; level <= coarse; level++) levels.push(levelOf(pictures[level], covers[level].values, level, offset, center, radius));
+  return { center, radius, fine, coarse, levels, ...coarseBox(pictures[coarse], covers[coarse].values, coarse, offset, center) };
 }
 
 /**
@@ -76,11 +77,10 @@ export function beginKey(picture, mask, offset = [0, 0]) {
  * @returns {Registered}
  */
 export function locateKey(key, picture, start, offset = [0, 0]) {
-  const pictures = pyramid(smoothed(cut(picture, key.coarse, offset)), key.coarse);
-  const first = aligned(offset, key.coarse);
-  let found = { motion: searched(key, pictures[key.coarse], start, first), alike: 0, inside: 0, agreed: 0, errorPx: Infinity };
+  const pictures = pyramid(smoothed(picture), key.coarse);
+  let found = { motion: searched(key, pictures[key.coarse], start, offset), alike: 0, inside: 0, agreed: 0, errorPx: Infinity };
   for (let level = key.coarse; level >= key.fine; level--) {
-    found = alignedTo(key, key.levels[level - key.fine], pictures[level], found.motion, level, first);
+    found = alignedTo(key, key.levels[level - key.fine], pictures[level], found.motion, level, offset);
     if (found.inside === 0) break;
   }
   return found;
@@ -108,13 +108,8 @@ function placeOf(mask, width, [left, top]) {
 function coarseBox({ width, values }, cover, coarse, first, center) {
   const most = cover.reduce((a, b) => Math.max(a, b), 0);
   const isIn = (value) => (most > 0.5 ? value > 0.5 : value >= most); // an object may be thinner than a cell
-  let [x0, y0, x1, y1] = [Infinity, Infinity, -1, -1];
-  cover.forEach((value, i) => {
-    if (!isIn(value)) return;
-    const [x, y] = [i % width, Math.floor(i / width)];
-    [x0, y0, x1, y1] = [Math.min(x0, x), Math.min(y0, y), Math.max(x1, x), Math.max(y1, y)];
-  });
-  const [across, down] = [x1 - x0 + 1, y1 - y0 + 1];
+  const [x0, y0, x1, y1] = objectBox(cover.map(isIn), width);
+  const [across, down] = [x1 - x0, y1 - y0];
   const cells = new Float64Array(across * down);
   const inside = new Float64Array(across * down);
   for (let i = 0; i < cells.length; i++) {
@@ -137,9 +132,7 @@ function levelOf({ width, height, values }, cover, level, [left, top], [cx, cy],
   if (points.length > POINTS) {
     const slopes = Float64Array.from(points, slope);
     const least = slopes.slice().sort()[points.length - POINTS];
-    let equals = POINTS;
-    for (let i = 0; i < slopes.length; i++) if (slopes[i] > least) equals--;
-    points = points.filter((_, i) => slopes[i] > least || (slopes[i] === least && equals-- > 0));
+    points = points.filter((_, i) => slopes[i] >= least).slice(0, POINTS);
   }
   const places = new Float64Array(2 * points.length);
   const rows = new Float64Array(TERMS * points.length);
@@ -187,23 +180,17 @@ function alignedTo(key, { count, places, rows }, picture, motion, step, first) {
   return { motion, alike: fit[4] > 0 ? alike : 0, inside: seen / count, agreed: total / seen, errorPx };
 }
 
-/** Weighted correlation of values and their fit, the sum of the weights, and of the squares that are left. */
+/** Weighted correlation of values and what a fit with a constant term leaves of them, the sum of the weights, and of the squares left. */
 function judged(values, left, weights) {
-  let [total, sumV, sumF, squares] = [0, 0, 0, 0];
+  let [total, sum, whole, squares] = [0, 0, 0, 0];
   for (let i = 0; i < values.length; i++) {
     total += weights[i];
-    sumV += weights[i] * values[i];
-    sumF += weights[i] * (values[i] - left[i]);
+    sum += weights[i] * values[i];
+    whole += weights[i] * values[i] * values[i];
     squares += weights[i] * left[i] * left[i];
   }
-  let [vv, ff, vf] = [0, 0, 0];
-  for (let i = 0; i < values.length; i++) {
-    const [v, f] = [values[i] - sumV / total, values[i] - left[i] - sumF / total];
-    vv += weights[i] * v * v;
-    ff += weights[i] * f * f;
-    vf += weights[i] * v * f;
-  }
-  return { alike: vf / Math.sqrt(Math.max(vv * ff, 1e-12)), total, squares };
+  const spread = whole - (sum * sum) / total;
+  return { alike: Math.sqrt(Math.max(1 - squares / Math.max(spread, 1e-12), 0)), total, squares };
 }
 
 /** The normal equations of weighted rows: matrix [6][6] and right side [6]. */
@@ -336,27 +323,9 @@ function smoothed({ width, height, values }) {
 function pyramid(picture, coarse) {
   const levels = [picture];
   for (let level = 0; level < coarse; level++) {
-    const { width, values } = levels[level];
-    const [w, h] = [levels[level].width >> 1, levels[level].height >> 1];
-    const half = new Float32Array(w * h);
-    for (let y = 0, to = 0; y < h; y++) {
-      for (let x = 0, at = 2 * y * width; x < w; x++, at += 2, to++) {
-        half[to] = (values[at] + values[at + width + 1] + values[at + width] + values[at + 1]) / 4;
-      }
-    }
-    levels.push({ width: w, height: h, values: half });
+    const { width, height, values } = levels[level];
+    const [w, h] = [width >> 1, height >> 1];
+    levels.push({ width: w, height: h, values: resize(values, 1, [width, height], [w, h], [0, 0, 2 * w, 2 * h]) });
   }
   return levels;
-}
-
-const aligned = (offset, coarse) => offset.map((at) => Math.ceil(at / 2 ** coarse) * 2 ** coarse);
-
-/** Without the rows and columns before the first offset that is a multiple of 2^coarse. */
-function cut({ width, height, values }, coarse, offset) {
-  const [left, top] = aligned(offset, coarse).map((at, axis) => at - offset[axis]);
-  if (!left && !top) return { width, height, values };
-  const [w, h] = [width - left, height - top];
-  const out = new Float32Array(w * h);
-  for (let y = 0; y < h; y++) out.set(values.subarray((y + top) * width + left, (y + top + 1) * width), y * w);
-  return { width: w, height: h, values: out };
 }
