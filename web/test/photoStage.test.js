@@ -3,7 +3,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { upOf } from "../src/photo/ground.js";
 import { PhotoStage } from "../page/view/photoStage.js";
 import { describeDirection } from "../page/view/pictures.js";
 
@@ -65,5 +64,5 @@ test("a direction in words", () => {
 test("a direction is told above the horizon where the ground is known, as in anyprobe.estimate.ground", () => {
   const light = [0.5, 0.6, -Math.sqrt(1 - 0.61)];
   assert.equal(describeDirection(light), "39° right, 37° up");
-  assert.equal(describeDirection(light, upOf(22, -8)), "37° right, 15° up");
+  assert.equal(describeDirection(light, { pitchDeg: 22, rollDeg: -8 }), "37° right, 15° up");
 });

@@ -4,7 +4,6 @@ import { OWN_FILES, exportTarget, save } from "../downloads.js";
 import { element, setStatus } from "./elements.js";
 import { errorLine } from "../words.js";
 import { brightestSide } from "../../src/light/light.js";
-import { upOf } from "../../src/photo/ground.js";
 import { SPHERE_NAMES, unclippedEv } from "../../src/light/spheres.js";
 import { describeDirection, drawFalseColor, drawMap, drawSphere, placeOnMap } from "./pictures.js";
 
@@ -51,7 +50,7 @@ export class LightPanel {
     Object.assign(marker.style, placeOnMap(direction));
     const error = `±\u00a0${Math.round(errorDeg)}°`;
     const isSoft = result.light.isSoft && !marker.hidden;
-    element("direction").textContent = isSoft ? `soft, brightest from ${brightestSide(result.light)}` : marker.hidden ? "none stands out" : `${describeDirection(direction, ground ? upOf(ground.pitchDeg, ground.rollDeg) : undefined)} ${error}`;
+    element("direction").textContent = isSoft ? `soft, brightest from ${brightestSide(result.light)}` : marker.hidden ? "none stands out" : `${describeDirection(direction, ground)} ${error}`;
     const { uncertainty } = result.light;
     element("brightness").textContent = uncertainty ? `, brightness ± ${uncertainty.levelStops.toFixed(1)} stops` : "";
     this.#setReady(true);

@@ -3,6 +3,7 @@
 import { FALSE_COLOR_MAX, falseColor, luminance } from "../../src/core/color.js";
 import { displayByte } from "../../src/core/response.js";
 import { MAP_HEIGHT, directionToUv } from "../../src/core/latlong.js";
+import { levelled } from "../../src/light/light.js";
 import { SPHERE_SIZE, displaySphere } from "../../src/light/spheres.js";
 import { CONTRACT } from "../../src/core/contract.js";
 
@@ -68,12 +69,10 @@ const BEHIND_DEG = 165;
  * high above the horizon.
  *
  * @param {number[]} direction unit, in the camera's frame
- * @param {number[]} [up] of the ground in that frame; default: the camera's own, for cut-outs
+ * @param {{pitchDeg: number, rollDeg?: number} | null} [ground] null: the horizon is the camera's own, for cut-outs
  */
-export function describeDirection([right, above, z], up = [0, 1, 0]) {
-  const level = Math.hypot(up[0], up[1]); // cosine of the camera's pitch
-  const upright = (up[0] * right + up[1] * above) / level;
-  const [x, y, back] = [(up[1] * right - up[0] * above) / level, level * upright + up[2] * z, level * z - up[2] * upright];
+export function describeDirection(direction, ground = null) {
+  const [x, y, back] = ground ? levelled(direction, ground) : direction;
   const degrees = (angle) => Math.round((angle * 180) / Math.PI);
   const azimuth = degrees(Math.atan2(x, -back));
   const elevation = degrees(Math.asin(Math.min(Math.max(y, -1), 1)));

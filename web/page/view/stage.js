@@ -43,8 +43,6 @@ const CATCHER = 6;
 const COARSE = 0.7;
 /** Nothing is placed nearer to the horizon than this, of the photo's height. */
 const BELOW_HORIZON = 0.02;
-/** Cosine of a quarter of a degree: a dominant light that turns by less keeps its shadow. */
-const SAME_DIRECTION = 0.99999;
 
 export class Stage {
   /**
@@ -79,7 +77,6 @@ export class Stage {
     installCameraCurve(this.renderer);
     this.renderer.shadowMap.enabled = true;
     this.renderer.shadowMap.type = PCFShadowMap;
-    this.renderer.shadowMap.autoUpdate = false;
   }
 
   #buildGround() {
@@ -192,7 +189,6 @@ export class Stage {
     this.object = object;
     this.outline = outlineOf(object);
     this.standing.add(object);
-    this.aimed = null;
     this.#stand();
   }
 
@@ -279,10 +275,6 @@ export class Stage {
     this.catcher.material.opacity = groundShadowOpacity(this.light, this.up.toArray());
     const foot = this.standing.getWorldPosition(new Vector3());
     const reach = 2 * (this.unit ?? 1) * this.size;
-    const aim = { towards, foot, reach, turn: this.turn, up: this.up };
-    if (this.aimed && isSameAim(aim, this.aimed)) return;
-    this.aimed = aim;
-    this.renderer.shadowMap.needsUpdate = true;
     this.catcher.visible = this.shadowLight.castShadow = cosine > 0.05;
     this.shadowLight.target.position.copy(foot);
     this.shadowLight.position.copy(foot).addScaledVector(towards, 3 * reach);
@@ -316,15 +308,4 @@ export class Stage {
     renderer.render(this.scene, this.camera);
     await this.aside?.show();
   }
-}
-
-/** Whether a shadow drawn for one aim does for another. */
-function isSameAim(a, b) {
-  return (
-    a.towards.dot(b.towards) > SAME_DIRECTION &&
-    a.foot.equals(b.foot) &&
-    a.up.equals(b.up) &&
-    a.reach === b.reach &&
-    a.turn === b.turn
-  );
 }

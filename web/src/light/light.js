@@ -47,7 +47,7 @@ export function brightestSide({ sh9, ground }) {
 }
 
 /** A direction of the camera's in a frame whose +Y is up; the camera's azimuth is kept. */
-function levelled([x, y, z], { pitchDeg, rollDeg = 0 }) {
+export function levelled([x, y, z], { pitchDeg, rollDeg = 0 }) {
   const [pitch, roll] = [pitchDeg, rollDeg].map((angle) => (angle * Math.PI) / 180);
   const [right, above] = [Math.cos(roll) * x - Math.sin(roll) * y, Math.sin(roll) * x + Math.cos(roll) * y];
   return [right, Math.cos(pitch) * above + Math.sin(pitch) * z, Math.cos(pitch) * z - Math.sin(pitch) * above];

@@ -239,31 +239,19 @@ export function edgeCosine({ radiusDeg }) {
  * @param {{direction: number[], power: number[], radiusDeg: number}[]} sources
  */
 export function drawSources(map, height, sources) {
-  const angles = pixelSolidAngles(height);
+  const [d, angles] = [pixelDirections(height), pixelSolidAngles(height)];
   for (const one of sources) {
+    const [x, y, z] = one.direction;
     const edge = edgeCosine(one);
     let total = 0;
     const disc = [];
-    inCap(height, one.direction, edge, (pixel, cosine) => {
-      disc.push([pixel, cosine - edge]);
-      total += (cosine - edge) * angles[Math.floor(pixel / (2 * height))];
-    });
+    for (let pixel = 0; pixel < 2 * height * height; pixel++) {
+      const beyond = d[3 * pixel] * x + d[3 * pixel + 1] * y + d[3 * pixel + 2] * z - edge;
+      if (!(beyond > 0)) continue;
+      disc.push([pixel, beyond]);
+      total += beyond * angles[Math.floor(pixel / (2 * height))];
+    }
     for (const [pixel, shape] of disc) for (let c = 0; c < 3; c++) map[3 * pixel + c] += (shape / total) * one.power[c];
   }
   return map;
-}
-
-/** Every pixel whose direction's cosine to another is above one, row by row. */
-function inCap(height, direction, least, visit) {
-  const d = pixelDirections(height);
-  const width = 2 * height;
-  const [x, y, z] = direction;
-  const [polar, radius] = [Math.acos(Math.min(Math.max(direction[1], -1), 1)), Math.acos(least)];
-  const rowOf = (theta) => Math.min(Math.max(Math.floor((theta * height) / Math.PI), 0), height - 1);
-  for (let row = rowOf(polar - radius); row <= rowOf(polar + radius); row++) {
-    for (let pixel = row * width; pixel < (row + 1) * width; pixel++) {
-      const cosine = d[3 * pixel] * x + d[3 * pixel + 1] * y + d[3 * pixel + 2] * z;
-      if (cosine > least) visit(pixel, cosine);
-    }
-  }
 }

@@ -1,9 +1,7 @@
 /** Sources of frames: a video, a canvas or a camera's track. */
 
 import { AnyProbeError } from "../errors.js";
-import { kindOf } from "../photo/source.js";
-
-const isOf = (source, ...names) => names.some((name) => typeof globalThis[name] === "function" && source instanceof globalThis[name]);
+import { isOf, kindOf } from "../photo/source.js";
 
 /**
  * The source to follow; of a camera's stream, its first video track.
@@ -53,18 +51,6 @@ export async function follow(source, give, onEnd) {
     source.removeEventListener("ended", end);
     stop();
   };
-}
-
-/** Whether a video knows its size but has no picture yet. */
-export const isEarly = (source) => source?.videoWidth !== undefined && source.readyState < 2;
-
-/** Width and height of a source in its own pixels; zeros while there is none yet. */
-export function sizeOf(source) {
-  const { width = 0, height = 0 } = isOf(source, "MediaStreamTrack") ? source.getSettings() : {};
-  return [
-    source.videoWidth ?? source.displayWidth ?? source.naturalWidth ?? source.width ?? width,
-    source.videoHeight ?? source.displayHeight ?? source.naturalHeight ?? source.height ?? height,
-  ];
 }
 
 /** Once for every picture that is shown. */

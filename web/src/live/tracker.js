@@ -5,9 +5,9 @@ import { Light } from "../light/light.js";
 import { checkHints, checkNames, wrong } from "../checks.js";
 import { hintsOf } from "../photo/hints.js";
 import { lensOf } from "../photo/lens.js";
-import { readMask } from "../photo/source.js";
+import { isEarly, readMask, sizeOf } from "../photo/source.js";
 import { describe } from "../photo/material.js";
-import { checkFrame, follow, isEarly, sizeOf } from "./frameSource.js";
+import { checkFrame, follow } from "./frameSource.js";
 import { rotationOfPose } from "./pose.js";
 import { readSize, takeFrame } from "./videoFrames.js";
 

@@ -1,7 +1,7 @@
 /** The camera's frames: taken in the page as small bitmaps, read in the networks' thread. */
 
 import { takeTexture, upright } from "../photo/textures.js";
-import { sizeOf } from "./frameSource.js";
+import { sizeOf } from "../photo/source.js";
 
 /** Longer side of the frames that are processed. */
 const LONG_PX = 480;

@@ -57,7 +57,7 @@ export class SmallNetwork {
   async cover({ width, height, rgba }, { on, off, box }) {
     const { size, grey } = SMALL;
     const scale = size / Math.max(width, height);
-    const [w, h] = [width, height].map((length) => Math.min(size, Math.max(1, roundEven(length * scale))));
+    const [w, h] = [width, height].map((length) => Math.min(size, Math.max(1, Math.round(length * scale))));
     const [left, top] = [w, h].map((length) => Math.floor((size - length) / 2));
     const place = ([x, y]) => [left + (x * w) / width, top + (y * h) / height];
     const small = resize(rgba, 4, [width, height], [w, h]);
@@ -89,12 +89,6 @@ export function untilGivenUp(network, isGivenUp) {
     return network.cover(picture, hints);
   };
   return { name: network.name, takesPrompts: network.takesPrompts, cover };
-}
-
-/** As Python rounds: halves to the even number. */
-function roundEven(value) {
-  const low = Math.floor(value);
-  return value - low === 0.5 ? low + (low % 2) : Math.round(value);
 }
 
 /** The prompt channel [160, 160], as anyprobe.masks.prompts.draw_prompts: box and clicks less clicks beside the object. */

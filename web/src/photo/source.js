@@ -55,7 +55,8 @@ function whole({ width, height, rgba }) {
 }
 
 const isImageData = (source) => typeof ImageData === "function" && source instanceof ImageData;
-const isOf = (source, name) => typeof globalThis[name] === "function" && source instanceof globalThis[name];
+/** Whether a value is of a class that this browser has. */
+export const isOf = (source, name) => typeof globalThis[name] === "function" && source instanceof globalThis[name];
 
 const DRAWABLE = ["HTMLImageElement", "HTMLVideoElement", "HTMLCanvasElement", "OffscreenCanvas", "ImageBitmap", "VideoFrame", "ImageData"];
 const BYTES = ["Uint8ClampedArray", "Uint8Array"];
@@ -76,8 +77,7 @@ async function open(source, name, expected, signal) {
   }
   if (!DRAWABLE.some((kind) => isOf(source, kind))) throw invalid(expected, kindOf(source));
   const [width, height] = sizeOf(source);
-  const isEarly = isOf(source, "HTMLVideoElement") && source.readyState < 2;
-  if (isEarly || !(width > 0 && height > 0)) {
+  if (isEarly(source) || !(width > 0 && height > 0)) {
     throw invalid("a picture with pixels", isOf(source, "HTMLVideoElement") ? "a video before its first frame; wait for loadeddata" : `one that is ${width} x ${height} pixels`);
   }
   return source;
@@ -130,12 +130,17 @@ function checkTexture(source) {
   throw new AnyProbeError("invalid-image", `expected { gl, texture, width, height } of a texture, got ${width} x ${height} pixels and ${gl ? "a" : "no"} gl`, { subject: ["image"] });
 }
 
-function sizeOf(source) {
+/** Width and height of a source in its own pixels; zeros while there is none yet. */
+export function sizeOf(source) {
+  const { width = 0, height = 0 } = isOf(source, "MediaStreamTrack") ? source.getSettings() : source;
   return [
-    source.naturalWidth ?? source.videoWidth ?? source.displayWidth ?? source.width,
-    source.naturalHeight ?? source.videoHeight ?? source.displayHeight ?? source.height,
+    source.naturalWidth ?? source.videoWidth ?? source.displayWidth ?? width,
+    source.naturalHeight ?? source.videoHeight ?? source.displayHeight ?? height,
   ];
 }
+
+/** Whether a video knows its size but has no picture yet. */
+export const isEarly = (source) => source?.videoWidth !== undefined && source.readyState < 2;
 
 function draw(source, fullWidth, fullHeight, scale, name = "image") {
   const [width, height] = [fullWidth, fullHeight].map((length) => Math.max(1, Math.round(length * scale)));

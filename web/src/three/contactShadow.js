@@ -3,8 +3,6 @@
 import { DataTexture, LinearFilter, Mesh, MeshBasicMaterial, PlaneGeometry, RGBAFormat } from "three";
 
 const SPOT_PX = 64;
-/** Share of the radius and darkness there. */
-const FALL = [[0, 1], [0.35, 0.75], [0.65, 0.25], [1, 0]];
 
 /** A plane on the ground (+Y up) with a soft round spot, of side 1; scale it to a little more than the object's width. */
 export class ContactShadow extends Mesh {
@@ -26,18 +24,10 @@ function softSpot() {
   const data = new Uint8Array(4 * SPOT_PX * SPOT_PX);
   for (let i = 0; i < SPOT_PX * SPOT_PX; i++) {
     const [x, y] = [(i % SPOT_PX) + 0.5, Math.floor(i / SPOT_PX) + 0.5].map((value) => (2 * value) / SPOT_PX - 1);
-    data[4 * i + 3] = 255 * darkness(Math.hypot(x, y));
+    data[4 * i + 3] = 127.5 * (1 + Math.cos(Math.PI * Math.min(Math.hypot(x, y), 1)));
   }
   const texture = new DataTexture(data, SPOT_PX, SPOT_PX, RGBAFormat);
   texture.magFilter = texture.minFilter = LinearFilter;
   texture.needsUpdate = true;
   return texture;
-}
-
-function darkness(radius) {
-  const next = FALL.findIndex(([place]) => place >= radius);
-  if (next < 0) return 0;
-  if (next === 0) return FALL[0][1];
-  const [[from, dark], [to, light]] = [FALL[next - 1], FALL[next]];
-  return dark + ((light - dark) * (radius - from)) / (to - from);
 }
