@@ -24,9 +24,7 @@ export async function readExample() {
     outdoors: answer.outdoors,
     ground: answer.ground && { pitchDeg: answer.ground.pitch_deg, rollDeg: answer.ground.roll_deg },
   });
-  const stages = { irradiance: unpack(answer.stages.irradiance) };
-  const result = { light, stages, spheres: shadeSpheres(light.radiance) };
-  return { picture, mask, longFovDeg: answer.long_fov_deg, result };
+  return { picture, mask, longFovDeg: answer.long_fov_deg, result: { light, spheres: shadeSpheres(light.radiance) } };
 }
 
 async function readPicture(path) {

@@ -4,7 +4,6 @@ import { LightPanel } from "./view/lightPanel.js";
 import { Marking, NO_HINTS } from "./view/marking.js";
 import { ObjectTools } from "./view/objectTools.js";
 import { PhotoStage } from "./view/photoStage.js";
-import { StagesPanel } from "./view/stagesPanel.js";
 import { element, listenForPhotos, setStatus, sendLight, showFetched } from "./view/elements.js";
 import { ProbeOpener } from "./probe.js";
 import { LiveSession } from "./live/session.js";
@@ -99,7 +98,6 @@ const ENTER = {
     showOutline();
     showQuality(shown.found);
     light.clear();
-    stages.clear();
     if (error) return say(errorLine(error), "fault");
     const [why] = found?.notices ?? [];
     const advice = "Click on the object, or draw a box around it.";
@@ -109,8 +107,7 @@ const ENTER = {
   async live({ hints }, event) {
     if (event === "filmed") {
       showQuality(null);
-      light.clear();
-      return stages.clear();
+      return light.clear();
     }
     try {
       await (event === "asked" ? live.setOptions() : live.mark(event === "reset" ? marking.reset() : hints));
@@ -129,7 +126,6 @@ const stage = new PhotoStage();
 const networks = new ProbeOpener(config, showDownload, stage.stage.isSoftware ? 1 : 0); // software then draws
 const tools = new ObjectTools(stage);
 const light = new LightPanel(config);
-const stages = new StagesPanel();
 const marking = new Marking(
   {
     canvas: element("mask"),
@@ -148,7 +144,6 @@ const live = new LiveSession({
   config,
   stage,
   light,
-  stages,
   marking,
   options,
   onShown: () => machine.send("filmed"),
@@ -191,7 +186,6 @@ function showAgain() {
   showQuality(found);
   if (result) return showLight();
   light.clear();
-  stages.clear();
 }
 
 /** What was found of the object on show, and by which marks. */
@@ -219,7 +213,6 @@ function showLight() {
   const ground = pitchDeg === undefined ? result.light.ground : { pitchDeg };
   stage.place(picture.width, picture.height, lensDeg, mask, box, ground);
   stage.setLight(result.light);
-  stages.show(result.stages, result.light.radiance);
   light.show(result, { photo: name, model: config.model, longFovDeg });
   sendLight(result);
 }

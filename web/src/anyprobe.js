@@ -118,7 +118,7 @@ export class AnyProbe {
     return new Light({ ...light, warnings: [...warnings, ...light.warnings], mask: own, lens });
   }
 
-  /** As estimate, for a page that also shows the networks' stages and three spheres; takes a picture in memory and its mask. */
+  /** As estimate, for a page that also shows three spheres; takes a picture in memory and its mask. */
   async examine(given) {
     const { light, ...views } = await this.#client.ask("estimate", { withViews: true, ...given });
     return { light: new Light(light), ...views };

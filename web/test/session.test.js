@@ -83,7 +83,6 @@ function begin({ opening = Promise.resolve(), play = async () => {} } = {}) {
       stage: { setMask: () => {} },
     },
     light: { show: () => {} },
-    stages: { show: () => {} },
     marking: {
       open: ({ width, height }) => page.opened.push([width, height]),
       show: () => {},

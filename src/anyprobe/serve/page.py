@@ -102,7 +102,7 @@ class Page:
                 pixels = read_image(self.files[EXAMPLE])
                 photo = load_photo(pixels.rgb, mask=pixels.alpha, fov_deg=EXAMPLE_FOV_DEG)
                 light = self._estimator.from_photo(photo)
-                answer = light_json(light, frozenset({"radiance", "stages"}), None)
+                answer = light_json(light, frozenset({"radiance"}), None)
                 self._example = {
                     "example/photo.png": png(to_bytes(pixels.rgb)),
                     "example/mask.png": mask_png(photo.mask),

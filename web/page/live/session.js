@@ -24,8 +24,8 @@ export class LiveSession {
    * @param {object} parts of the page; options: what light is wanted now; onShown: the camera's picture has taken the
    *   photo's place; onMask: its mask is shown, with its quality; onFault: the camera, or what follows it, failed and is closed
    */
-  constructor({ networks, config, stage, light, stages, marking, options, onShown, onMask, onFault }) {
-    Object.assign(this, { networks, config, stage, light, stages, marking, options, onShown, onMask, onFault });
+  constructor({ networks, config, stage, light, marking, options, onShown, onMask, onFault }) {
+    Object.assign(this, { networks, config, stage, light, marking, options, onShown, onMask, onFault });
     this.button = element("camera");
     this.live = null; // since start was called; what was begun with one that is here no longer has been stopped
     this.running = false; // since the camera's first picture
@@ -153,15 +153,9 @@ export class LiveSession {
     this.#say(isSearching ? FINDING : this.missed ? MISSED : LIVE);
     this.stage.setLight(answer.light);
     sendLight(answer);
-    const { light, spheres, stages } = answer;
-    this.shown = { light, spheres: spheres ?? this.shown?.spheres, stages: stages ?? this.shown?.stages };
-    // draw the rest part by part: the camera's pictures wait for it
-    if (answer.spheres) {
-      const about = { photo: "camera", model: this.config.model, longFovDeg: DEFAULT_LONG_FOV_DEG };
-      this.light.show({ light: answer.light, spheres: answer.spheres }, about);
-    } else if (answer.stages) {
-      this.stages.show(answer.stages, answer.light.radiance);
-    }
+    const { light, spheres } = answer;
+    this.shown = { light, spheres: spheres ?? this.shown?.spheres };
+    if (spheres) this.light.show({ light, spheres }, { photo: "camera", model: this.config.model, longFovDeg: DEFAULT_LONG_FOV_DEG });
   }
 
   /** The state once, not with every light: each line is read aloud, and others' lines stay until it changes. */
@@ -222,7 +216,7 @@ export class LiveSession {
   /** The camera's last picture as a photo, with its object and light; null before there is a light. */
   async still() {
     const { live, object, shown, pitchDeg } = this;
-    const picture = this.placed && shown?.spheres && shown.stages && (await readSource(this.stage.video));
+    const picture = this.placed && shown?.spheres && (await readSource(this.stage.video));
     if (!picture || this.live !== live) return null;
     const mask = resize(object.mask, 1, [object.width, object.height], [picture.width, picture.height]);
     const found = { data: mask, quality: object.quality, notices: [] };

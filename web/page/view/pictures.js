@@ -1,11 +1,10 @@
-/** Draw arrays on canvases: photos, the networks' stages, the map, the spheres. */
+/** Draw arrays on canvases: photos, the map, the spheres. */
 
-import { FALSE_COLOR_MAX, falseColor, luminance } from "../../src/core/color.js";
+import { falseColor, luminance } from "../../src/core/color.js";
 import { displayByte } from "../../src/core/response.js";
 import { MAP_HEIGHT, directionToUv } from "../../src/core/latlong.js";
 import { levelled } from "../../src/light/light.js";
 import { SPHERE_SIZE, displaySphere } from "../../src/light/spheres.js";
-import { CONTRACT } from "../../src/core/contract.js";
 
 /** Put RGBA bytes on a canvas of exactly their size. */
 export function putRgba(canvas, rgba, width, height) {
@@ -26,27 +25,15 @@ function putValues(canvas, values, width, height, byteOf) {
   putRgba(canvas, rgba, width, height);
 }
 
-/** Display values in [0, 1], [128, 128, 3]. */
-export function drawIrradiance(canvas, irradiance) {
-  const { crop } = CONTRACT.sizes;
-  putValues(canvas, irradiance, crop, crop, (value) => 255 * value);
-}
-
 /** Luminance of a radiance map in false colour. */
-export function drawFalseColor(canvas, radiance, width = 2 * MAP_HEIGHT, height = MAP_HEIGHT) {
+export function drawFalseColor(canvas, radiance) {
+  const [width, height] = [2 * MAP_HEIGHT, MAP_HEIGHT];
   const rgba = new Uint8ClampedArray(4 * width * height);
   for (let from = 0, to = 0; from < radiance.length; from += 3, to += 4) {
     rgba.set(falseColor(luminance(radiance[from], radiance[from + 1], radiance[from + 2])), to);
     rgba[to + 3] = 255;
   }
   putRgba(canvas, rgba, width, height);
-}
-
-/** The scale beside it, from 0 at the left. */
-export function drawFalseColorScale(canvas) {
-  const width = 128;
-  const values = Float32Array.from({ length: 3 * width }, (_, i) => (Math.floor(i / 3) / (width - 1)) * FALSE_COLOR_MAX);
-  drawFalseColor(canvas, values, width, 1);
 }
 
 /** A map as the camera would show it at an exposure [EV]. */

@@ -6,7 +6,7 @@ export function luminance(r, g, b) {
 }
 
 /** Radiance at the end of the false colours, as in the paper. */
-export const FALSE_COLOR_MAX = 10;
+const FALSE_COLOR_MAX = 10;
 
 // From violet through blue, green and yellow to red.
 const STOPS = [

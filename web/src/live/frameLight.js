@@ -14,8 +14,8 @@ import { readFrame } from "./videoFrames.js";
 /** Frames without the object after which it is lost; until then the last light stays. */
 const PATIENCE = 8;
 
-/** Frames between two pictures of the spheres; the networks' stages follow half as many frames later. */
-const REST_EVERY = 8;
+/** Frames between two pictures of the spheres. */
+const SPHERES_EVERY = 8;
 
 /**
  * While the object looks the same, and the filter doubts nothing, the networks rest for so many frames, and for as many more as
@@ -30,7 +30,7 @@ export class FrameLight {
    * @param {import("../photo/picture.js").Hints} hints as shares of width and height
    * @param {number} longFovDeg
    * @param {import("../networks/lightOfObject.js").LightOptions} [options]
-   * @param {boolean} [withViews] whether spheres and the networks' stages are wanted now and then
+   * @param {boolean} [withViews] whether spheres are wanted now and then
    */
   constructor(models, masks, hints, longFovDeg, options = {}, withViews = true) {
     this.options = options;
@@ -55,7 +55,7 @@ export class FrameLight {
    *   then in the world
    * @param {{data: Float32Array, width: number, height: number} | null} [given] where the object is, of whatever size
    * @param {(outline: object) => void} [tell] hears of the mask before the light is there
-   * @returns {Promise<object>} light, time, mask and box of the object, milliseconds of each part; now and then spheres and stages;
+   * @returns {Promise<object>} light, time, mask and box of the object, milliseconds of each part; now and then spheres;
    *   {lost: true} with the picture's mean radiance while no object is marked or seen, {held: true} where it is not seen for a moment; `missed` where what was
    *   marked last found nothing and the object before it is followed on,
    *   `searching` while it is looked for
@@ -83,17 +83,16 @@ export class FrameLight {
     const { quality, isSearching } = this.object;
     const outline = { time, mask, quality, box, ...this.size, ...(missed && { missed }), ...(isSearching && { searching: true }) };
     tell(outline);
-    const phase = this.withViews ? this.count++ % REST_EVERY : -1;
-    const withStages = phase === REST_EVERY / 2;
+    const withSpheres = this.withViews && this.count++ % SPHERES_EVERY === 0;
     if (!this.object.looksSame) this.otherAt = time;
-    const isAsked = isNew || missed || withStages || worldFromCamera !== null;
+    const isAsked = isNew || missed || worldFromCamera !== null;
     if (isAsked || !this.#mayRest(time)) {
       this.found = await lightOfObject(this.models, picture, lit, this.longFovDeg, this.options);
       [this.rested, this.lookedAt, this.lookedWith] = [0, time, this.options];
     } else {
       this.rested++;
     }
-    const { radiance, stages, said: _, ...rest } = this.found;
+    const { radiance, said: _, ...rest } = this.found;
     if (rest.confidence) rest.confidence = rest.confidence.slice(); // its memory is given away with the answer
     const isInWorld = worldFromCamera !== null;
     if (isInWorld !== this.isInWorld) this.state = null;
@@ -107,10 +106,10 @@ export class FrameLight {
     lap("filter");
     const light = { ...describe(steady), ...rest, isInWorld };
     lap("describe");
-    const spheres = phase === 0 ? shadeSpheres(isInWorld ? shown(this.state, worldFromCamera) : light.radiance) : null;
+    const spheres = withSpheres ? shadeSpheres(isInWorld ? shown(this.state, worldFromCamera) : light.radiance) : null;
     lap("spheres");
     ms.all = performance.now() - start;
-    return { light, stages: withStages ? stages : null, spheres, ...outline, ms };
+    return { light, spheres, ...outline, ms };
   }
 
   /** Whether the last answer serves this frame, which is neither marked nor turned. */

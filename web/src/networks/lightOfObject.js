@@ -45,7 +45,6 @@ export async function lightOfObject(models, picture, mask, longFovDeg, options) 
   const [metal, red, green, blue, reflectance] = said.object_material;
   const [errorDeg, level, colorDeg] = said.errors;
   return {
-    stages: { irradiance: said.irradiance },
     radiance,
     confidence,
     meanConfidence: sphereMean(confidence),

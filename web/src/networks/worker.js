@@ -47,15 +47,15 @@ const still = {
     return marking;
   },
 
-  /** The light, and for a page that shows them its stages and three spheres. */
+  /** The light, and for a page that shows them three spheres. */
   async estimate({ picture, mask, marks, longFovDeg, isLensKnown, normals, options, withViews }) {
     const start = performance.now();
     checkObject(mask, picture.width, marks);
     const lens = { longFovDeg, isLensKnown };
-    const { radiance, stages, said, ...rest } = await lightOfStill(models, picture, lens, mask, { ...options, normals });
+    const { radiance, said, ...rest } = await lightOfStill(models, picture, lens, mask, { ...options, normals });
     const light = { ...describe(radiance, said), ...rest };
     const seconds = (performance.now() - start) / 1000;
-    return withViews ? { light, stages, spheres: shadeSpheres(radiance), seconds } : { light, seconds };
+    return withViews ? { light, spheres: shadeSpheres(radiance), seconds } : { light, seconds };
   },
 };
 
