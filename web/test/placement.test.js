@@ -17,8 +17,12 @@ const card = (wide, high) => ({ x, y, share }) => {
   return [x - (wide * scale) / 2, y - high * scale, x + (wide * scale) / 2, y + 0.1 * high * scale];
 };
 
-/** The photo of such an object. */
-const photo = (box, behind = box[3] - 60) => ({ width: WIDTH, height: HEIGHT, box, row: box[3], behind });
+/** The photo of an object of rectangles. */
+function photo(box, behind = box[3] - 60, rectangles = [box]) {
+  const mask = new Float32Array(WIDTH * HEIGHT);
+  for (const [x0, y0, x1, y1] of rectangles) for (let y = y0; y < y1; y++) mask.fill(1, y * WIDTH + x0, y * WIDTH + x1);
+  return { mask, width: WIDTH, box, row: box[3], behind };
+}
 
 const isInside = ([x0, y0, x1, y1]) => x0 >= 0 && y0 >= 0 && x1 <= WIDTH && y1 <= HEIGHT;
 
@@ -29,7 +33,7 @@ test("nothing is cut off by the border, and what can stands beside on its row or
       const spot = findSpot(photo(box), extentAt);
       const covered = extentAt(spot);
       assert.ok(isInside(covered), `${box} ${wide} ${high}: ${covered}`);
-      assert.ok(covered[0] >= box[2] || covered[2] <= box[0], `${box} ${wide} ${high}: ${covered}`);
+      assert.ok(covered[0] >= box[2] || covered[2] <= box[0] || covered[1] >= box[3] - 1, `${box} ${wide} ${high}: ${covered}`);
       assert.ok(covered[3] > Math.min(box[3], HEIGHT - 12) - 2, `${box} ${wide} ${high}: ${covered}`);
       assert.ok(!spot.isBehind && spot.share >= 0.2);
     }
@@ -47,6 +51,15 @@ test("it is as large as asked where there is room, on the roomier side, and on t
   const uneven = (spot) => card(spot.x < 300 ? 900 : 60, 60)(spot);
   const other = findSpot(photo([310, 100, 480, 300]), uneven);
   assert.ok(other.x > 480 && other.share === 1);
+});
+
+test("it stands below what overhangs, and in front of what is as wide as the photo", () => {
+  const mushroom = photo([150, 40, 450, 300], 250, [[150, 40, 450, 120], [270, 120, 330, 300]]);
+  const spot = findSpot(mushroom, card(80, 80));
+  const [left, top] = card(80, 80)(spot);
+  assert.ok(spot.share === 1 && left > 330 && left < 360 && top > 120, `${left} ${top}`);
+  const front = findSpot(photo([0, 30, 600, 200]), card(80, 80));
+  assert.ok(!front.isBehind && card(80, 80)(front)[1] >= 199);
 });
 
 test("without room beside it stands behind, inside the photo's border", () => {

@@ -111,7 +111,7 @@ export class Stage {
   setPhoto(width, height, lensDeg, mask, box, ground = null) {
     const longFovDeg = lensDeg ?? DEFAULT_LONG_FOV_DEG;
     const isSame = [width, height, ...box].join() === [this.width, this.height, ...(this.box ?? [])].join();
-    Object.assign(this, { width, height, longFovDeg, box, contact: contactOf(mask, width, box) });
+    Object.assign(this, { mask, width, height, longFovDeg, box, contact: contactOf(mask, width, box) });
     this.setMask(mask);
     const half = Math.tan((longFovDeg * Math.PI) / 360) * (height / Math.max(width, height));
     this.camera.fov = (2 * Math.atan(half) * 180) / Math.PI;
@@ -130,7 +130,7 @@ export class Stage {
 
   /** Put the object beside the real one, all of it in the photo. */
   #standBeside() {
-    const { width, height, box, size } = this;
+    const { mask, width, height, box, size } = this;
     const real = Math.max(box[3] - box[1], 0.6 * (box[2] - box[0]));
     const asked = (OF_REAL * real * DISTANCE) / this.#focalPx();
     const farRow = height / 2 - this.#focalPx() * Math.tan((this.pitchDeg * Math.PI) / 180) + BELOW_HORIZON * height;
@@ -142,7 +142,7 @@ export class Stage {
       return extentOf(this.outline, clip, width, height);
     };
     const [, row] = this.contact;
-    const { x, y, share, isBehind } = findSpot({ width, height, box, row, behind: this.#rowBehind(asked) }, extentAt);
+    const { x, y, share, isBehind } = findSpot({ mask, width, box, row, behind: this.#rowBehind(asked) }, extentAt);
     this.unit = asked * share;
     this.isBehind = isBehind;
     this.#setFoot(x, Math.max(y, farRow));
