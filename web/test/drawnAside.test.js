@@ -3,7 +3,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { DrawnAside, upright } from "../page/view/drawnAside.js";
+import { showDrawn, upright } from "../page/view/drawnAside.js";
 
 const [LOW, HIGH] = [[10, 20, 30, 255], [200, 100, 50, 255]];
 
@@ -23,9 +23,9 @@ function slowGl(looks, pixels) {
     {
       drawingBufferWidth: 1,
       drawingBufferHeight: 2,
-      TIMEOUT_EXPIRED: "late",
+      isContextLost: () => false,
       fenceSync: () => ({}),
-      clientWaitSync: () => (looks-- > 0 ? "late" : "done"),
+      clientWaitSync: () => (looks-- > 0 ? "TIMEOUT_EXPIRED" : "CONDITION_SATISFIED"),
       getBufferSubData: (_, __, drawn) => {
         asked.push("getBufferSubData");
         drawn.set(pixels);
@@ -46,7 +46,7 @@ test("nothing is fetched before it is drawn; then the canvas has its size and pi
   const canvas = { width: 300, height: 150 };
   canvas.getContext = () => ({ canvas, putImageData: (image) => shown.push(image) });
   const { gl, asked } = slowGl(2, [...LOW, ...HIGH]);
-  const showing = new DrawnAside(gl, canvas).show();
+  const showing = showDrawn(gl, canvas);
   await null;
   assert.ok(asked.includes("readPixels") && !asked.includes("getBufferSubData"));
   await showing;

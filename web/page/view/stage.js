@@ -24,7 +24,7 @@ import {
 } from "three";
 import { DEFAULT_LONG_FOV_DEG, pixelDirection } from "../../src/photo/lens.js";
 import { contactOf, likelyPitchDeg, seenPitchDeg } from "../../src/photo/ground.js";
-import { DrawnAside } from "./drawnAside.js";
+import { showDrawn } from "./drawnAside.js";
 import { ContactShadow, EnvironmentTexture, MaskOccluder, groundShadowOpacity, installCameraCurve } from "../../src/three/index.js";
 import { extentOf, outlineOf } from "./outline.js";
 import { findSpot } from "./placement.js";
@@ -73,7 +73,6 @@ export class Stage {
       alpha: true,
       antialias: !isSoftware,
     });
-    this.aside = isSoftware ? new DrawnAside(this.renderer.getContext(), canvas) : null;
     installCameraCurve(this.renderer);
     this.renderer.shadowMap.enabled = true;
     this.renderer.shadowMap.type = PCFShadowMap;
@@ -306,6 +305,6 @@ export class Stage {
     }
     this.ground.visible = this.light !== undefined;
     renderer.render(this.scene, this.camera);
-    await this.aside?.show();
+    if (this.isSoftware) await showDrawn(renderer.getContext(), canvas);
   }
 }

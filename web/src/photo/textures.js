@@ -19,18 +19,36 @@ const POLL_MS = 2;
 export async function takeTexture({ gl, texture, width: fullWidth, height: fullHeight }, longPx, spares = []) {
   const scale = Math.min(1, longPx / Math.max(fullWidth, fullHeight));
   const [width, height] = [fullWidth, fullHeight].map((length) => Math.max(1, Math.round(length * scale)));
+  const bytes = await readShrunk(gl, texture, [fullWidth, fullHeight], [width, height], spares);
+  return { frame: { width, height, format: "RGBA", bytes }, transfer: [bytes.buffer] };
+}
+
+/**
+ * RGBA of what is bound for reading, its lowest row first; begun at once.
+ *
+ * @param {WebGL2RenderingContext} gl
+ * @param {number} width
+ * @param {number} height
+ * @param {ArrayBuffer[]} [spares] as of takeTexture
+ * @returns {Promise<Uint8Array>}
+ */
+export async function readBack(gl, width, height, spares = []) {
   const size = 4 * width * height;
   const copy = gl.createBuffer();
-  const fence = startCopy(gl, texture, [fullWidth, fullHeight], [width, height], copy);
+  let restore = packPlainly(gl, copy);
+  gl.bufferData(gl.PIXEL_PACK_BUFFER, size, gl.STREAM_READ);
+  gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, 0);
+  restore();
+  const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+  gl.flush();
   try {
-    if (!fence) throw new AnyProbeError("invalid-image", "expected a texture with pixels of a colour, got one that cannot be read", { subject: ["image"] });
     await isDone(gl, fence);
     const spare = spares.pop();
     const bytes = new Uint8Array(spare?.byteLength === size ? spare : size);
-    const restore = packPlainly(gl, copy);
+    restore = packPlainly(gl, copy);
     gl.getBufferSubData(gl.PIXEL_PACK_BUFFER, 0, bytes);
     restore();
-    return { frame: { width, height, format: "RGBA", bytes }, transfer: [bytes.buffer] };
+    return bytes;
   } finally {
     gl.deleteSync(fence);
     gl.deleteBuffer(copy);
@@ -45,8 +63,8 @@ export function upright({ width, height, bytes }) {
   return { width, height, rgba };
 }
 
-/** Restores all bindings of the context. */
-function startCopy(gl, texture, [fullWidth, fullHeight], [width, height], copy) {
+/** A texture's pixels; restores all bindings of the context. */
+function readShrunk(gl, texture, [fullWidth, fullHeight], [width, height], spares) {
   const before = {
     read: gl.getParameter(gl.READ_FRAMEBUFFER_BINDING),
     draw: gl.getParameter(gl.DRAW_FRAMEBUFFER_BINDING),
@@ -65,20 +83,16 @@ function startCopy(gl, texture, [fullWidth, fullHeight], [width, height], copy) 
   gl.disable(gl.SCISSOR_TEST);
   gl.blitFramebuffer(0, 0, fullWidth, fullHeight, 0, 0, width, height, gl.COLOR_BUFFER_BIT, gl.LINEAR);
   gl.bindFramebuffer(gl.READ_FRAMEBUFFER, to);
-  const restore = packPlainly(gl, copy);
-  gl.bufferData(gl.PIXEL_PACK_BUFFER, 4 * width * height, gl.STREAM_READ);
-  gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, 0);
-  const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
-  gl.flush();
+  const reading = isComplete ? readBack(gl, width, height, spares) : null;
   if (before.cuts) gl.enable(gl.SCISSOR_TEST);
-  restore();
   gl.bindRenderbuffer(gl.RENDERBUFFER, before.store);
   gl.bindFramebuffer(gl.READ_FRAMEBUFFER, before.read);
   gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, before.draw);
   gl.deleteFramebuffer(from);
   gl.deleteFramebuffer(to);
   gl.deleteRenderbuffer(store);
-  return isComplete ? fence : null;
+  if (reading) return reading;
+  throw new AnyProbeError("invalid-image", "expected a texture with pixels of a colour, got one that cannot be read", { subject: ["image"] });
 }
 
 async function isDone(gl, fence) {
