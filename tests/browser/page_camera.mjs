@@ -12,9 +12,9 @@ export default async ({ page, context, url, arguments: given }) => {
   await openPage(page, url, given.query);
   await page.evaluate(() => {
     globalThis.seen = { lights: [], rates: [], changes: [], pictures: [], camera: [] };
-    document.addEventListener("anyprobe-light", ({ detail: { light, ms } }) => {
+    document.addEventListener("anyprobe-light", ({ detail: { light } }) => {
       const { direction, irradiance } = light.dominant;
-      seen.lights.push({ time: performance.now() / 1000, ms, direction, irradiance, sh9: [...light.sh9] });
+      seen.lights.push({ time: performance.now() / 1000, direction, irradiance, sh9: [...light.sh9] });
     });
     const rates = document.getElementById("rates");
     const told = () => seen.rates.push({ time: performance.now() / 1000, text: rates.textContent });

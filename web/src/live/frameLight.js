@@ -55,25 +55,15 @@ export class FrameLight {
    *   then in the world
    * @param {{data: Float32Array, width: number, height: number} | null} [given] where the object is, of whatever size
    * @param {(outline: object) => void} [tell] hears of the mask before the light is there
-   * @returns {Promise<object>} light, time, mask and box of the object, milliseconds of each part; now and then spheres;
+   * @returns {Promise<object>} light, time, mask and box of the object; now and then spheres;
    *   {lost: true} with the picture's mean radiance while no object is marked or seen, {held: true} where it is not seen for a moment; `missed` where what was
    *   marked last found nothing and the object before it is followed on,
    *   `searching` while it is looked for
    */
   async next(frame, time, worldFromCamera = null, given = null, tell = () => {}) {
-    const ms = {};
-    const start = performance.now();
-    let begun = start;
-    const lap = (part) => {
-      const now = performance.now();
-      ms[part] = now - begun;
-      begun = now;
-    };
     const picture = readFrame(frame);
     this.#fit(picture);
-    lap("read");
     const seen = await this.object.next(picture, given);
-    lap("mask");
     const box = seen?.box ?? null;
     const isSeen = isLarge(box);
     this.unseen = isSeen ? 0 : this.unseen + 1;
@@ -98,18 +88,13 @@ export class FrameLight {
     if (isInWorld !== this.isInWorld) this.state = null;
     this.isInWorld = isInWorld;
     if (isInWorld && rest.confidence) rest.confidence = rotateOne(rest.confidence, MAP_HEIGHT, worldFromCamera);
-    lap("network");
     const dt = this.time === undefined ? 1 / 30 : Math.max(time - this.time, 1e-3);
     this.time = time;
     this.state = step(this.state, radiance, dt, worldFromCamera, this.object.looksSame);
     const steady = shown(this.state);
-    lap("filter");
     const light = { ...describe(steady), ...rest, isInWorld };
-    lap("describe");
     const spheres = withSpheres ? shadeSpheres(isInWorld ? shown(this.state, worldFromCamera) : light.radiance) : null;
-    lap("spheres");
-    ms.all = performance.now() - start;
-    return { light, spheres, ...outline, ms };
+    return { light, spheres, ...outline };
   }
 
   /** Whether the last answer serves this frame, which is neither marked nor turned. */
