@@ -37,8 +37,6 @@ ROUND = 0.9
 """Overlap with a sphere's outline, intersection over union, from which on a mask is taken for one."""
 STRIP_PX = 1 << 17
 """A sphere's normals are computed in strips of so many pixels: rays of a whole photo take 118 bytes a pixel."""
-STEEPEST = np.radians(89.9)
-"""No ray of a photo (field of view below 170 degrees) is so far aside."""
 FACING: float = contract("normals")["facing"]
 """Share of the normals that must look towards the camera; else their axes are another frame's."""
 
@@ -72,11 +70,10 @@ def sphere_of_outline(mask: Float[np.ndarray, "H W"], long_fov_deg: float) -> tu
     """Return the normals [H, W, 3] of the sphere nearest to an outline, and their overlap: intersection over union."""
     height, width = mask.shape
     camera = PinholeCamera.of_fov(width, height, long_fov_deg)
-    focal = camera.focal
     solid_angle, axis = 0.0, np.zeros(3)
-    for part in _strips(_box(mask > 0.0)):
+    for part in _strips(mask):
         d, length = rays_through(part, camera)
-        angles = mask[part] / (focal**2 * length**3)  # steradians of what the mask covers of each pixel
+        angles = mask[part] / (camera.focal**2 * length**3)  # steradians of what the mask covers of each pixel
         solid_angle += angles.sum()
         axis += (angles[..., None] * d).sum(axis=(0, 1))
     axis /= np.linalg.norm(axis)
@@ -84,7 +81,7 @@ def sphere_of_outline(mask: Float[np.ndarray, "H W"], long_fov_deg: float) -> tu
     radius = np.sqrt(max(1.0 - cos_phi**2, 1e-12))
     normals = np.zeros((*mask.shape, 3), np.float32)
     shared = covered = 0
-    for part in _strips(_surroundings(_box(mask > 0.5), _box_of_cone(axis, radius, mask.shape, focal))):
+    for part in _strips(mask):
         d, _ = rays_through(part, camera)
         along = d @ axis
         inside, on = along > cos_phi, mask[part] > 0.5
@@ -105,41 +102,15 @@ def rays_through(part: Part, camera: PinholeCamera) -> tuple[np.ndarray, np.ndar
     return d / length[..., None], length
 
 
-def _strips(part: Part) -> Iterator[Part]:
-    """Yield a part in strips of at most STRIP_PX pixels, a row at least."""
-    rows, columns = part
-    step = max(1, STRIP_PX // max(columns.stop - columns.start, 1))
-    for top in range(rows.start, rows.stop, step):
-        yield slice(top, min(top + step, rows.stop)), columns
-
-
-def _box(inside: np.ndarray) -> Part:
-    """Return the part that holds all of inside [H, W], which must not be empty."""
-    x0, y0, x1, y1 = object_box(inside)
-    return slice(y0, y1), slice(x0, x1)
-
-
-def _surroundings(one: Part, other: Part) -> Part:
-    """Return the part that holds both."""
-    rows, columns = (slice(min(a.start, b.start), max(a.stop, b.stop)) for a, b in zip(one, other, strict=True))
-    return rows, columns
-
-
-def _box_of_cone(axis: np.ndarray, radius: float, shape: tuple[int, int], focal: float) -> Part:
-    """Return the part of a photo in which the rays at most asin(radius) from the axis lie, with a pixel to spare.
-
-    Seen along Y the cone reaches asin(radius / m) to either side of its axis, m being the length of what is seen of
-    the axis; likewise along X. Where the cone holds Y or X itself, it reaches all around.
-    """
-    spans = []
-    for size, aside in ((shape[0], -axis[1]), (shape[1], axis[0])):
-        seen = np.hypot(aside, axis[2])
-        reach = np.arcsin(radius / seen) if radius < seen else np.pi
-        angle = np.arctan2(aside, -axis[2]) + np.array([-reach, reach])
-        ends = np.tan(np.clip(angle, -STEEPEST, STEEPEST)) * focal + size / 2 + (-1.0, 1.0)
-        low, high = np.clip(ends, 0, size)
-        spans.append(slice(int(low), int(np.ceil(high))))
-    return spans[0], spans[1]
+def _strips(mask: np.ndarray) -> Iterator[Part]:
+    """Yield the part of a photo within a mask's longer side of it in strips of at most STRIP_PX pixels, a row at
+    least: no disc of the mask's area reaches beyond."""
+    (height, width), (x0, y0, x1, y1) = mask.shape, object_box(mask > 0.0)
+    reach = max(x1 - x0, y1 - y0)
+    columns, bottom = slice(max(x0 - reach, 0), min(x1 + reach, width)), min(y1 + reach, height)
+    step = max(1, STRIP_PX // (columns.stop - columns.start))
+    for top in range(max(y0 - reach, 0), bottom, step):
+        yield slice(top, min(top + step, bottom)), columns
 
 
 def read_normals(source: NormalsSource, shape: tuple[int, int]) -> Float[np.ndarray, "H W 3"]:
