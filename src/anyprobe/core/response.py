@@ -26,6 +26,8 @@ class CameraCurve:
 
 
 MEAN_CURVE = CameraCurve()
+CLIPPED: float = contract("curve")["clipped"]
+"""Display value from which on a pixel is only a lower bound of its radiance."""
 
 
 def response(radiance, curve: CameraCurve = MEAN_CURVE):

@@ -8,7 +8,7 @@ import numpy as np
 
 from anyprobe.core.color import luminance
 from anyprobe.core.contract import contract
-from anyprobe.core.response import inverse_response
+from anyprobe.core.response import CLIPPED, inverse_response
 from anyprobe.estimate.ground import (
     ESTIMATED,
     GIVEN_ERROR_DEG,
@@ -26,9 +26,8 @@ if TYPE_CHECKING:
     from jaxtyping import Float
 
 _EXPOSURE: dict[str, float] = contract("exposure")["doubt"]
-_CLIPPED, _CLIPPED_SHARE = _EXPOSURE["clipped"], _EXPOSURE["clipped_share"]
-DARK, DARK_SHARE = _EXPOSURE["dark"], _EXPOSURE["dark_share"]
-"""Display values of channels and of luminance, and shares of the object's pixels beyond them that cause a warning."""
+DARK, DARK_SHARE, _CLIPPED_SHARE = (_EXPOSURE[name] for name in ("dark", "dark_share", "clipped_share"))
+"""Luminance of a dark pixel, and shares of the object's dark and of its clipped pixels that cause a warning."""
 _MIDDLE = 0.4
 """Radiance that the median should have if it is too bright."""
 _WHITE_SHARE = 0.6
@@ -99,7 +98,7 @@ def exposure_doubts(
         advice = "expose longer; if it is an .exr, multiply its values"
         text = f"{dark:.0%} of the object is nearly black; little can be estimated from it; {advice}"
         return (Notice(text, code="object-dark", source=name),)
-    clipped = float(np.logical_and.reduce((rgb >= _CLIPPED).T).mean())
+    clipped = float(np.logical_and.reduce((rgb >= CLIPPED).T).mean())
     if clipped < _CLIPPED_SHARE:
         return ()
     advice = "expose shorter"

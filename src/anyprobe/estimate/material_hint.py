@@ -16,7 +16,7 @@ from anyprobe.core.contract import contract
 from anyprobe.core.frames import dot, normalize, reflect
 from anyprobe.core.latlong import bilinear, corners, direction_to_uv, pixel_directions, pixel_solid_angles
 from anyprobe.core.resample import resample
-from anyprobe.core.response import inverse_response, response
+from anyprobe.core.response import CLIPPED, inverse_response, response
 from anyprobe.core.sampling import hammersley
 from anyprobe.errors import InputError
 from anyprobe.estimate.light_graph import Said
@@ -37,8 +37,6 @@ SMOOTH = 0.1
 """Largest alpha of a mirror: its lobe is one to three pixels of the map wide."""
 MIRROR_STEEP: float = _MIRROR["steep"]
 """Smallest n.wo of a pixel that counts: at the rim one pixel mirrors a tenth of the sphere."""
-_CLIPPED: float = _MIRROR["clipped"]
-"""Display value above which a pixel is only a lower bound of its light."""
 LEVELS: int = _MIRROR["levels"]
 """Number of maps, of 64, 32 and 16 rows, that pixels are collected in: a coarse one joins pixels that lie far apart."""
 MOST_STERADIANS = 0.1
@@ -92,8 +90,8 @@ def measure(
     angles = None if mirrored is None else _solid_angles(wi, known)[seen]
     n, wo, wi, display = n[seen], wo[seen], wi[seen], image[seen][:, :3]
     fresnel = material.f0 + (1.0 - material.f0) * schlick_weight(dot(n, wo))
-    light = inverse_response(np.minimum(display, _CLIPPED)) / fresnel
-    clipped = display.max(axis=-1, keepdims=True) >= _CLIPPED
+    light = inverse_response(np.minimum(display, CLIPPED)) / fresnel
+    clipped = display.max(axis=-1, keepdims=True) >= CLIPPED
     emitted = None
     if mirrored is not None:
         whole = mirrored[seen] / fresnel

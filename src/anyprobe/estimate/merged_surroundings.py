@@ -11,13 +11,11 @@ from dataclasses import replace
 import numpy as np
 
 from anyprobe.core.color import luminance
-from anyprobe.core.contract import contract
 from anyprobe.core.response import response
+from anyprobe.estimate.light_graph import SEEN
 from anyprobe.estimate.result import Light
 from anyprobe.estimate.surroundings import LEAST_COVER
 
-SEEN: float = contract("surroundings")["seen"]
-"""Confidence of a place that is seen."""
 SHARED = 30
 """Smallest number of pixels that two windows must share to be compared."""
 COMPARED = 0.02, 0.8

@@ -22,7 +22,7 @@ import numpy as np
 from anyprobe.core.color import luminance
 from anyprobe.core.frames import dot, normalize, reflect
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_solid_angles
-from anyprobe.core.response import inverse_response
+from anyprobe.core.response import CLIPPED, inverse_response
 from anyprobe.light.environment import reduced
 from anyprobe.light.filtering import blur_cosine_power, irradiance_map
 from anyprobe.match.background import CLIPPED_WEIGHT, FAINT_SEEN, Background, mean_squares
@@ -47,8 +47,6 @@ STEEPNESS = (0.8, 1.0, 1.25)
 """Factors of the slant of estimated normals, which tend to be too flat or too steep as a whole."""
 KEPT = 8
 """Number of places of each map that are refined."""
-_CLIPPED = 0.96
-"""Display value above which a pixel is only a lower bound."""
 LEAST_FACING = 0.15
 """Smallest n.wo of a pixel that counts; estimated normals at the rim are poor."""
 F0 = 0.04
@@ -113,8 +111,8 @@ def shown_by(
     display = small[rows, columns, :3] / small[rows, columns, 3:]
     turn = camera_from_crop.T
     return Shown(
-        radiance=inverse_response(np.minimum(display, _CLIPPED + 0.01)),
-        clipped=display.max(axis=-1) > _CLIPPED,
+        radiance=inverse_response(display),
+        clipped=display.max(axis=-1) >= CLIPPED,
         n=n[rows, columns] @ turn,
         wo=wo[rows, columns] @ turn,
         behind=behind,

@@ -9,7 +9,6 @@ from importlib import resources
 
 import numpy as np
 
-from anyprobe.core.contract import contract
 from anyprobe.core.frames import normalize
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.resample import widest
@@ -31,7 +30,7 @@ GIVEN_HINTS = {
     "all three": {"normals", "material", "surroundings"},
 }
 """Hints given to a model beside the object's crop, by row name."""
-GROW_PX: int = contract("surroundings")["grow_px"]
+GROW_PX = 4
 """Rim around the object that shows no surroundings [px of the crop]."""
 PHONE_FOV_DEG = 65.0
 PHONE_PX = (256, 192)

@@ -9,12 +9,10 @@ import torch
 from torch.nn import functional as F
 
 from anyprobe.core.color import REC709
-from anyprobe.core.contract import contract
 
-_NUMBERS = contract("ground")
-PLAIN_STEP, PLAIN_SHARE = _NUMBERS["plain_step"], _NUMBERS["plain_share"]
+PLAIN_STEP, PLAIN_SHARE = 0.012, 0.9
 """Display values by which pixels of a plain background differ from a quadratic of the place, and their least share."""
-DARK_BESIDE: float = _NUMBERS["dark_beside"]
+DARK_BESIDE = 0.35
 """Mean display luminance beside the object over the object's below which its surroundings are unlit."""
 SAMPLES = 128
 """Samples along either side of the photo."""

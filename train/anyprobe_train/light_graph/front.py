@@ -17,17 +17,17 @@ from torch.nn import functional as F
 from anyprobe.core.color import REC709
 from anyprobe.core.contract import contract
 from anyprobe.core.latlong import pixel_directions
-from anyprobe.estimate.light_graph import INPUTS
+from anyprobe.estimate.light_graph import CROP_MARGIN, INPUTS
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe_train.light_graph.sampling import inside, on_plane, read_at, read_map, read_window, shrink
 
-_SIZES, _SEEN = contract("sizes"), contract("surroundings")
-CROP, NORMALS, CONTEXT = _SIZES["crop"], _SIZES["normals"], _SIZES["context"]
-CROP_MARGIN: float = _SIZES["crop_margin"]
-CONTEXT_SCALE: int = _SIZES["context_scale"]
-GROW: int = _SEEN["grow_px"]
-FINE: float = _SEEN["fine"]
-CLIPPED: float = _SEEN["clipped"]
+CROP, NORMALS = (contract("sizes")[name] for name in ("crop", "normals"))
+CONTEXT, CONTEXT_SCALE = 96, 2
+"""Side of the context [px], and how many times as wide as the crop it is."""
+GROW = 4
+"""Rim around the object that shows no surroundings [px of the crop]."""
+FINE = 2.0
+"""Samples of the photo for a pixel of the map, along either side."""
 THINNEST = 1e-3
 SHORTEST: float = contract("graph")["shortest_normal"]
 _EXPOSURE = contract("exposure")

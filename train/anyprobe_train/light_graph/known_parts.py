@@ -12,19 +12,15 @@ from torch import nn
 from torch.nn import functional as F
 
 from anyprobe.core.color import REC709
-from anyprobe.core.contract import contract
 from anyprobe.core.latlong import pixel_directions
-from anyprobe.core.response import inverse_response, response
+from anyprobe.core.response import CLIPPED, inverse_response, response
+from anyprobe.estimate.light_graph import SEEN
 from anyprobe.light.environment import MAP_HEIGHT
 
-_NUMBERS = contract("surroundings")
-CLIPPED, SEEN = _NUMBERS["clipped"], _NUMBERS["seen"]
-"""Display value above which a pixel is only a lower bound of its radiance; confidence of a place that is seen."""
-TINT, TINT_FLOOR = _NUMBERS["tint"], _NUMBERS["tint_floor"]
+TINT, TINT_FLOOR = 0.5, 0.05
 """Share of the colour by which what is seen differs from the guess there that is the light's own."""
-_GOES_ON = _NUMBERS["goes_on"]
-ROWS: int = _GOES_ON["rows"]
-KNOWN_FROM, SHARE, REACH_DEG = _GOES_ON["least_cover"], _GOES_ON["share"], _GOES_ON["reach_deg"]
+ROWS = 32
+KNOWN_FROM, SHARE, REACH_DEG = 0.5, 0.5, 60.0
 """Cover from which on a place counts as seen, the share of a guess that the nearest seen colour replaces beside it, and
 the angle over which that falls to 1/e."""
 THIN = 1e-3

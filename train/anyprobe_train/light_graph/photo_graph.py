@@ -25,7 +25,8 @@ from anyprobe_train.nets.whole_net import WholeNet, WholePrediction
 
 ENOUGH: float = contract("exposure")["enough"]
 RULES = contract("sources")
-ERROR: dict[str, float] = RULES["estimated_error"]
+ERROR = {"power": 3.0, "factor": 3.27, "offset_deg": 5.0, "exponent": 0.75, "most_deg": 90.0}
+"""Numbers of light_sources.direction_error for the likely light of these weights."""
 LEAST_SHARE: float = RULES["least_share"]
 """Share of a map's power of which a place is as likely a light source as not."""
 DOMINATES = 0.12

@@ -11,6 +11,8 @@ import { lookupOf } from "./lookup.js";
 const { crop: CROP_SIZE, normals: NORMALS_SIZE } = CONTRACT.sizes;
 
 const MIRROR = CONTRACT.mirror;
+/** Display value from which on a pixel is only a lower bound of its light. */
+const CLIPPED = CONTRACT.curve.clipped;
 const PIXELS = 2 * MAP_HEIGHT * MAP_HEIGHT;
 
 /** A mean of normals shorter than this includes unknown ones. */
@@ -69,8 +71,8 @@ function mirroredBy({ crop, crop_frame: frame, object_normals: normals }, f0) {
     directions.push(...turned(frame.subarray(0, 9), inCrop));
     const display = [...crop.subarray(4 * i, 4 * i + 3)];
     const grazing = Math.min(Math.max(1 - cosine, 0), 1) ** 5; // Schlick's weight
-    display.forEach((value, c) => light.push(inverseResponse(Math.min(value, MIRROR.clipped)) / (f0[c] + (1 - f0[c]) * grazing)));
-    const isClipped = Math.max(...display) >= MIRROR.clipped ? 1 : 0;
+    display.forEach((value, c) => light.push(inverseResponse(Math.min(value, CLIPPED)) / (f0[c] + (1 - f0[c]) * grazing)));
+    const isClipped = Math.max(...display) >= CLIPPED ? 1 : 0;
     clipped.push(isClipped, isClipped, isClipped);
   }
   return { directions, light, clipped };

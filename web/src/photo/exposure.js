@@ -21,7 +21,7 @@ export function exposureDoubts({ width, height, rgba }, mask) {
       const [red, green, blue] = [rgba[4 * at] / 255, rgba[4 * at + 1] / 255, rgba[4 * at + 2] / 255];
       count++;
       if (luminance(red, green, blue) <= DOUBT.dark) dark++;
-      if (Math.min(red, green, blue) >= DOUBT.clipped) clipped++;
+      if (Math.min(red, green, blue) >= CONTRACT.curve.clipped) clipped++;
     }
   }
   const doubt = (code, share, what) => [notice(code, `${Math.round(100 * share)}% of the object is ${what}`)];
