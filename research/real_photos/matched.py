@@ -27,10 +27,8 @@ from anyprobe.files.atomic import atomic_path
 from anyprobe.inputs.settings import DEFAULT_MODEL
 from anyprobe.light.environment import reduced
 from anyprobe.maps.radiance import read_radiance
-from anyprobe.match.kind import log_odds
 from anyprobe.match.library import Library, open_library
-from anyprobe.match.ranking import MatchedMap
-from anyprobe.match.shading import shading_apart
+from anyprobe.match.ranking import MatchedMap, log_odds, shading_apart
 from anyprobe.render.spheres import sphere_images
 from research.real_photos.folders import masked_photos
 from research.real_photos.sheet import ROW, Tile, strip, write_pages

@@ -6,7 +6,7 @@ import numpy as np
 
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.estimate.fit_warnings import kind_doubts
-from anyprobe.match.kind import MISJUDGED, MISJUDGED_ESTIMATE, log_odds, same_kind
+from anyprobe.match.ranking import MISJUDGED, MISJUDGED_ESTIMATE, log_odds, same_kind
 
 
 def place(upper: tuple[float, float, float], lower: tuple[float, float, float]) -> np.ndarray:

@@ -26,7 +26,7 @@ from anyprobe.match import ranking
 from anyprobe.match.background import background_of
 from anyprobe.match.library import open_library
 from anyprobe.match.likeness import MATCH_ROWS, Shown, best_places, gain_of, light_of, schlick_coat
-from anyprobe.match.shading import shading_apart
+from anyprobe.match.ranking import shading_apart
 
 ROOT = Path(__file__).parents[2]
 YAW, PITCH = 2.0, np.radians(20)

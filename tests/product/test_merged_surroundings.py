@@ -13,9 +13,9 @@ from support.transforms import transforms
 
 from anyprobe.core.frames import rotation_x, rotation_y
 from anyprobe.core.response import response
-from anyprobe.estimate.known import GivenPanorama
-from anyprobe.estimate.merged_surroundings import DIFFER, lay_over
+from anyprobe.estimate.multiview import DIFFER, lay_over
 from anyprobe.estimate.photo import Photo, load_photo
+from anyprobe.estimate.surroundings import GivenPanorama
 from anyprobe.light.environment import rotate
 
 POSES = [rotation_x(0.1), rotation_y(1.6) @ rotation_x(0.1), rotation_y(-1.5), rotation_y(0.4)]

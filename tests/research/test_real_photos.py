@@ -11,7 +11,7 @@ from support.scenes import sphere_photo
 
 from anyprobe.cli.app import main
 from anyprobe.core.response import response
-from anyprobe.estimate.known import PhotoBackground
+from anyprobe.estimate.surroundings import PhotoBackground
 from anyprobe.light.light_sources import find_dominant_light
 from anyprobe.maps.radiance import write_hdr
 from anyprobe_train.evaluate.methods import Estimate

@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from anyprobe.errors import InputError
-from anyprobe.estimate.known import GivenPanorama
 from anyprobe.estimate.mirror_ball import Ball, find_ball
 from anyprobe.estimate.photo import Photo, inputs_of
+from anyprobe.estimate.surroundings import GivenPanorama
 from anyprobe.place.plate import Plate
 
 

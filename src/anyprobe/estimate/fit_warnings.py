@@ -8,9 +8,7 @@ from anyprobe.core.color import luminance
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.estimate.result import Light
 from anyprobe.light.environment import MAP_HEIGHT, integral, rotate
-from anyprobe.match.kind import log_odds, same_kind
-from anyprobe.match.ranking import MatchedMap
-from anyprobe.match.shading import OWN_ERROR, shading_apart
+from anyprobe.match.ranking import OWN_ERROR, MatchedMap, log_odds, same_kind, shading_apart
 from anyprobe.notices import Notice, give
 
 UNLIKE = 0.4
@@ -54,7 +52,7 @@ def fit_doubts(estimate: np.ndarray, radiance: np.ndarray) -> list[Notice]:
 
 def kind_doubts(outdoors: float | None, radiance: np.ndarray, name: str) -> list[Notice]:
     """Return a warning if a panorama [H, 2H, 3] is hardly of the same kind of place as a light's, which is outdoors
-    with this probability, see match.kind."""
+    with this probability, see match.ranking."""
     theirs = log_odds(radiance[None])
     if same_kind(outdoors, theirs)[0] > UNLIKE:
         return []

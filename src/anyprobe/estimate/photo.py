@@ -13,8 +13,8 @@ from anyprobe.core.contract import contract
 from anyprobe.errors import InvalidMask
 from anyprobe.estimate.doubts import all_around_doubts, exposure_doubts, grey_doubts, scale_doubts
 from anyprobe.estimate.ground import NOTED, Ground, estimate_ground
-from anyprobe.estimate.known import GivenPanorama, PhotoBackground, asked_surroundings, read_given_normals
 from anyprobe.estimate.light_graph import graph_inputs
+from anyprobe.estimate.surroundings import GivenPanorama, PhotoBackground, asked_surroundings, read_given_normals
 from anyprobe.inputs.description import shown_as
 from anyprobe.inputs.hints import HintKeywords, Hints, combine
 from anyprobe.masks.find import find_mask

@@ -15,12 +15,12 @@ from anyprobe.core.response import CLIPPED, inverse_response
 from anyprobe.errors import InputError
 from anyprobe.estimate.doubts import DARK, DARK_SHARE, backdrop_doubts, dark_beside_doubts, ground_doubts, light_doubts
 from anyprobe.estimate.ground import Ground, ground_by_posture
-from anyprobe.estimate.known import PhotoBackground
 from anyprobe.estimate.light_graph import Said
 from anyprobe.estimate.material_hint import use_material
 from anyprobe.estimate.photo import Photo
 from anyprobe.estimate.runtime import Models
 from anyprobe.estimate.sidecar import Origin
+from anyprobe.estimate.surroundings import PhotoBackground
 from anyprobe.inputs.settings import DEFAULT_MODEL
 from anyprobe.light.environment import integral
 from anyprobe.match.background import background_of

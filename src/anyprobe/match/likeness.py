@@ -25,8 +25,18 @@ from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_solid_angles
 from anyprobe.core.response import CLIPPED, inverse_response
 from anyprobe.light.environment import reduced
 from anyprobe.light.filtering import blur_cosine_power, irradiance_map
-from anyprobe.match.background import CLIPPED_WEIGHT, FAINT_SEEN, Background, mean_squares
-from anyprobe.match.places import YAWS, map_from_camera_at, nearest_pixels, pitches_near, seen_along, seen_at_yaws
+from anyprobe.match.background import (
+    CLIPPED_WEIGHT,
+    FAINT_SEEN,
+    YAWS,
+    Background,
+    map_from_camera_at,
+    mean_squares,
+    nearest_pixels,
+    pitches_near,
+    seen_along,
+    seen_at_yaws,
+)
 from anyprobe.paper.equations import schlick_weight
 from anyprobe.render.surface import pixel_rays
 

@@ -6,29 +6,28 @@ P is the photo without its object and s its share, which fades out at its border
 and without what it shows of the photo, v = ln P - ln E where the photo is seen. Around it v goes on by a screened
 Poisson equation (place.screened), so that nothing ends at the photo's border, and fades out: far away the panorama is
 the estimate. What is not known is smooth. The gain g is smooth, too: with the least change it gives the
-luminance the estimate's nine harmonics (place.moments); a coloured object colours the light, not what the photo shows.
+luminance the estimate's nine harmonics; a coloured object colours the light, not what the photo shows.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
 from anyprobe.core.color import luminance
-from anyprobe.core.latlong import pixel_solid_angles
+from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
 from anyprobe.errors import InputError, OutputError
-from anyprobe.light.environment import MAP_HEIGHT, integral, reduced, rotate
+from anyprobe.light.environment import MAP_HEIGHT, enlarged_map, integral, reduced, rotate
 from anyprobe.light.filtering import blur_cap, blur_cosine_power
-from anyprobe.light.harmonics import project
-from anyprobe.light.light_sources import split_sources
+from anyprobe.light.harmonics import project, sh_basis
+from anyprobe.light.light_sources import LightSource, split_sources
 from anyprobe.maps.radiance import HALF_MAX, write_exr, write_hdr
 from anyprobe.pictures.images import write_png
-from anyprobe.place.drawn_sources import discs_of
-from anyprobe.place.enlarge import enlarged_map
-from anyprobe.place.moments import with_moments
 from anyprobe.place.plate import Plate
 from anyprobe.place.screened import screened
 
@@ -184,3 +183,114 @@ def in_frame(radiance: np.ndarray, frame_from_camera: np.ndarray) -> np.ndarray:
     if np.allclose(frame_from_camera, np.eye(3)):
         return radiance
     return np.maximum(rotate(radiance, frame_from_camera), 0.0)
+
+
+MOST_GAIN = np.log(6.0)
+"""Bound of the gain's logarithm."""
+NEWTON_STEPS = 12
+
+
+def with_moments(free: np.ndarray, fixed: np.ndarray, goal: np.ndarray, strength: np.ndarray) -> np.ndarray:
+    """Return the light [R, 2R, 3] of `free`, changed, and of `fixed`, with the harmonics [9, 3] of goal.
+
+    The gain exp(s(d) sum of c_i Y_i(d)) of free, with s the strength [R, 2R, 1], is the nearest to 1 of all gains that
+    reach the goal.
+    """
+    small, held, force = (reduced(one, MAP_HEIGHT).astype(np.float64) for one in (free, fixed, strength))
+    y, areas = _basis()
+    wanted = luminance(goal.astype(np.float64))
+    light = luminance(small).reshape(-1) * areas
+    force = force.reshape(-1)
+    c = _newton(light, y, force, wanted - luminance(project(held.astype(np.float32)).astype(np.float64)))
+    gain = np.exp(np.clip(force * (y @ c), -MOST_GAIN, MOST_GAIN))
+    changed = free * enlarged_map(gain.astype(np.float32).reshape(*small.shape[:2], 1), len(free))
+    light = luminance(reduced(changed, MAP_HEIGHT).astype(np.float64)).reshape(-1) * areas
+    gram = (y * (force * light)[:, None]).T @ y
+    lack = wanted - luminance(project(fixed + changed).astype(np.float64))
+    step = np.linalg.solve(gram + (1e-6 * np.trace(gram) + 1e-9) * np.eye(9), lack)
+    factor = (1.0 + np.clip(force * (y @ step), -0.5, 0.5)).astype(np.float32)
+    return fixed + changed * enlarged_map(factor.reshape(*small.shape[:2], 1), len(changed))
+
+
+@lru_cache(maxsize=1)
+def _basis() -> tuple[np.ndarray, np.ndarray]:
+    """Return harmonics [8192, 9] and solid angles [8192] of a map's pixels."""
+    y = sh_basis(pixel_directions(MAP_HEIGHT)).reshape(-1, 9).astype(np.float64)
+    return y, np.repeat(pixel_solid_angles(MAP_HEIGHT), 2 * MAP_HEIGHT, axis=1).reshape(-1).astype(np.float64)
+
+
+def _newton(light: np.ndarray, y: np.ndarray, force: np.ndarray, lack: np.ndarray) -> np.ndarray:
+    """Solve for the coefficients [9] of one channel."""
+    c = np.zeros(9)
+    for _ in range(NEWTON_STEPS):
+        gained = light * np.exp(np.clip(force * (y @ c), -MOST_GAIN, MOST_GAIN))
+        rest = lack - gained @ y
+        gram = (y * (force * gained)[:, None]).T @ y
+        step = np.linalg.solve(gram + (1e-5 * np.trace(gram) + 1e-9) * np.eye(9), rest)
+        largest = np.abs(y @ step).max()
+        c = c + step * min(1.0, 0.7 / max(largest, 1e-9))
+        if np.abs(rest).max() < 1e-4 * max(np.abs(lack).max(), 1e-6):
+            break
+    return c
+
+
+STRONG = 0.2
+"""Smallest share of the map's power of a source that is drawn with a disc; a weaker one leaves a wide glow.
+
+On left-out renders a tenth of the light comes from within 15 degrees of so strong a source in 33 to 59 % of photos,
+of a weaker one in 2 to 13 %.
+"""
+WIDE_DEG = 16.0
+"""Angle [degrees] at which the glow that a weak source leaves is down to a quarter."""
+RIM = 0.6
+"""Width of a disc's rim, in its radii."""
+GLOW, GLOW_RADII, GLOW_DEG = 0.25, 1.5, 6.0
+"""Share of a source's power in its glow, and the angle at which that is down to a quarter: in radii of the disc, and at
+least [degrees]."""
+REACH = 5.0
+"""Reach of a glow, in its angle."""
+LEAST_RADIUS_DEG = 0.27
+"""Smallest radius [degrees] of a disc: the sun's."""
+AS_SOURCE = 0.8
+"""Luminance from which on a seen pixel may be the source itself."""
+LEAST_FREE = 0.05
+"""Smallest share of a source outside what is seen, or clipped there, that is drawn, with the whole power."""
+
+
+def discs_of(sources: Sequence[LightSource], total: float, cover: np.ndarray, picture: np.ndarray) -> np.ndarray:
+    """Return discs and glows of light sources [R, 2R, 3].
+
+    Args:
+        total: luminance of the power of all light.
+        cover: [R, 2R, 1] share of the picture [R, 2R, 3] that is seen, where only clipped pixels are sources.
+    """
+    rows = len(picture)
+    drawn = np.zeros((rows, 2 * rows, 3), np.float32)
+    for source in sources:
+        radius = np.radians(max(source.radius_deg, LEAST_RADIUS_DEG))
+        is_strong = luminance(source.power) >= STRONG * total
+        glow = max(GLOW_RADII * radius, np.radians(GLOW_DEG)) if is_strong else np.radians(WIDE_DEG)
+        top, bottom = _row_span(source.direction, REACH * glow, rows)
+        d = pixel_directions(rows)[top:bottom]
+        angle = 2 * np.arcsin(np.clip(np.linalg.norm(d - source.direction, axis=-1) / 2, 0.0, 1.0))
+        facing = np.maximum(np.cos(angle), 0.0) * pixel_solid_angles(rows)[top:bottom]
+        around = np.maximum((1 + (angle / glow) ** 2) ** -2.0 - (1 + REACH**2) ** -2.0, 0.0)
+        shape = around / (around * facing).sum()
+        if is_strong:
+            body = np.clip((radius - angle) / max(np.pi / rows, RIM * radius) + 0.5, 0.0, 1.0)
+            if not body.any():
+                body[np.unravel_index(np.argmin(angle), angle.shape)] = 1.0
+            body = body * body * (3 - 2 * body)
+            shape = (1 - GLOW) * body / (body * facing).sum() + GLOW * shape
+        free = np.where(luminance(picture[top:bottom]) > AS_SOURCE, 1.0, 1.0 - cover[top:bottom, :, 0])
+        kept = float((shape * free * facing).sum())
+        if kept > LEAST_FREE:
+            drawn[top:bottom] += (shape * free / kept)[..., None] * source.irradiance
+    return drawn
+
+
+def _row_span(direction: np.ndarray, reach: float, rows: int) -> tuple[int, int]:
+    """Return the first row, and the one after the last, within an angle of a direction."""
+    polar = np.arccos(np.clip(direction[1], -1.0, 1.0))
+    top, bottom = (polar - reach) / np.pi * rows, (polar + reach) / np.pi * rows
+    return max(int(np.floor(top)) - 1, 0), min(int(np.ceil(bottom)) + 1, rows)

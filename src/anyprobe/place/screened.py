@@ -14,8 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from anyprobe.core.latlong import pixel_solid_angles
-from anyprobe.light.environment import reduced
-from anyprobe.place.enlarge import enlarged_map
+from anyprobe.light.environment import enlarged_map, reduced
 
 COARSEST = 16
 """Rows at which the solution begins."""

@@ -15,10 +15,9 @@ from anyprobe.light.environment import reduced
 from anyprobe.light.octahedral import Pyramid
 from anyprobe.render.integrate import PATCHES, emitters_specular, shade_diffuse, shade_specular, shading_pyramid
 from anyprobe.render.mesh import Mesh
-from anyprobe.render.reflectance import lookup_coords, read_map, reflectance_normals
+from anyprobe.render.reflectance import albedo_table, lookup_coords, read_map, reflectance_normals
 from anyprobe.render.surface import Camera, see
 from anyprobe.scatter.materials import Material
-from anyprobe.scatter.microfacet import albedo_table
 
 if TYPE_CHECKING:
     from jaxtyping import Float

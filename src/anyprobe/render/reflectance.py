@@ -15,10 +15,48 @@ from array_api_compat import array_namespace
 
 from anyprobe.core.frames import dot, normalize, reflect
 from anyprobe.core.latlong import corners
-from anyprobe.scatter.microfacet import directional_albedo
+from anyprobe.core.sampling import ggx_visible_normal_xyz, hammersley
+from anyprobe.paper.equations import schlick_weight, smith_visibility
 
 if TYPE_CHECKING:
     from jaxtyping import Float
+
+COSINES, ROUGHNESSES = 64, 32
+"""Number of entries from n.wo = 0 to 1 and from sqrt(alpha) = 0.1 to 1."""
+SAMPLES = 512
+
+
+@lru_cache(maxsize=1)
+def albedo_table() -> Float[np.ndarray, "ROUGHNESSES COSINES 2"]:
+    """Tabulate E1 and Es, [ROUGHNESSES, COSINES, 2] float32: an even light's share that the coat sends to the eye, by
+    n.wo and alpha alone, is f0 E1 + (1 - f0) Es (Karis 2013 keeps them in a picture).
+
+    Half vectors follow the normals that the eye sees; the weight of each is then G / G1.
+    """
+    u = hammersley(SAMPLES).astype(np.float64)
+    alpha = (np.linspace(0.1, 1.0, ROUGHNESSES) ** 2)[:, None, None]
+    cosine = np.maximum(np.linspace(0.0, 1.0, COSINES), 1e-3)[None, :, None]
+    sine = np.sqrt(1.0 - cosine**2)
+    x, _, z = ggx_visible_normal_xyz(u, sine, 0.0 * sine, cosine, alpha)
+    wo_dot_h = x * sine + z * cosine
+    n_dot_wi = np.maximum(2.0 * wo_dot_h * z - cosine, 0.0)
+    # G1 = 2 (n.wo) / (n.wo + sqrt(alpha^2 + (1 - alpha^2) (n.wo)^2)), G = 4 (n.wo) (n.wi) V
+    inverse_g1 = cosine + np.sqrt(alpha**2 + (1.0 - alpha**2) * cosine**2)
+    weight = 2.0 * n_dot_wi * smith_visibility(cosine, n_dot_wi, alpha) * inverse_g1
+    return np.stack([weight.mean(axis=2), (weight * schlick_weight(wo_dot_h)).mean(axis=2)], axis=-1).astype(np.float32)
+
+
+def directional_albedo(n_dot_wo, alpha, table):
+    """Interpolate E1 and Es in albedo_table (an array of the same kind), in the joint shape of n_dot_wo and alpha;
+    beyond the table its edge continues."""
+    xp = array_namespace(n_dot_wo, table)
+    column = xp.clip(n_dot_wo * (COSINES - 1), 0.0, COSINES - 1.001)
+    row = xp.clip((alpha**0.5 - 0.1) * ((ROUGHNESSES - 1) / 0.9), 0.0, ROUGHNESSES - 1.001) + 0.0 * column
+    column = column + 0.0 * row
+    flat = xp.reshape(table, (-1, 2))
+    weighted = corners(column, row, COSINES)
+    return tuple(sum(flat[index, kind] * share for index, share in weighted) for kind in range(2))
+
 
 LIMIT = 0.995
 """Angle of the rim as a share of 90 degrees; at 90 nothing is seen."""
@@ -62,7 +100,7 @@ def lobe_normal(n, wo, alpha):
 
     It replaces n in the specular terms. A narrow lobe lies about the mirror direction, a wide one
     about n: between them by (1 - alpha) (sqrt(1 - alpha) + alpha), Lagarde and de Rousiers 2014, Sect. 4.9.3; alpha is
-    a number or [..., 1]. Its albedo differs from n's: see anyprobe.scatter.microfacet.
+    a number or [..., 1]. Its albedo differs from n's: see directional_albedo.
     """
     mirrored = (1.0 - alpha) * ((1.0 - alpha) ** 0.5 + alpha)
     return normalize(n + mirrored * (straight_on_normal(n, wo) - n))
@@ -73,7 +111,7 @@ def lookup_coords(n, wo, alpha, table) -> tuple:
 
     Args:
         n, wo: [..., 3], camera frame; where n is zero, the result is arbitrary.
-        alpha: [..., 1].   table: anyprobe.scatter.microfacet.albedo_table, an array of the same kind.
+        alpha: [..., 1].   table: albedo_table, an array of the same kind.
     Returns:
         Coordinates in the maps of Eq. 5's irradiance, of the specular and of the diffuse terms, [..., 2] each, and
         factors [...] for S1 and Ss found there: the lobe is there, but n has its own albedo.

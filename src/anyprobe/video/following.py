@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 
 from anyprobe.errors import InputError, InvalidMask
-from anyprobe.estimate.known import GivenPanorama
 from anyprobe.estimate.photo import Photo, load_photo
-from anyprobe.estimate.surroundings import SurroundingsSource, read_panorama
+from anyprobe.estimate.surroundings import GivenPanorama, SurroundingsSource, read_panorama
 from anyprobe.files.paths import visible_files
 from anyprobe.inputs.hints import AUTO, NONE, PHOTO
 from anyprobe.masks.check import object_box

@@ -16,11 +16,11 @@ from anyprobe.core.color import to_bytes
 from anyprobe.errors import AnyprobeError, InputError
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.ground import Ground
-from anyprobe.estimate.known import GivenPanorama
-from anyprobe.estimate.merged_surroundings import completed, lay_over
+from anyprobe.estimate.multiview import completed, lay_over
 from anyprobe.estimate.photo import Photo
 from anyprobe.estimate.result import Light
 from anyprobe.estimate.sidecar import FRAME, SCALE
+from anyprobe.estimate.surroundings import GivenPanorama
 from anyprobe.light.environment import rotate
 from anyprobe.light.temporal import step
 from anyprobe.maps.radiance import write_exr
