@@ -33,7 +33,7 @@ from anyprobe.estimate.ground import up_of
 from anyprobe.estimate.photo import load_photo
 from anyprobe.files.objects import open_object
 from anyprobe.relight.ground_view import View
-from anyprobe.relight.insert import Arrangement, Stage, ratio_over, window_of
+from anyprobe.relight.insert import Arrangement, Stage, transmittance, window_of
 from anyprobe.relight.placement import Placement, Side, place_beside
 from anyprobe.scatter.materials import material_named
 from research.scenes.camera import take
@@ -132,7 +132,7 @@ def _row(layout: Layout, path: Path, estimator: Estimator) -> dict[str, Any] | N
     row: dict[str, Any] = {"true_depth": truth.depth, "true_off": float(np.linalg.norm(truth.toward))}
     for name, (seen, placed, shadow) in ways.items():
         whole = slice(0, seen.height), slice(0, seen.width)
-        ratio = luminance(ratio_over(seen, shadow, whole)(whole))
+        ratio = luminance(transmittance(seen, shadow, whole))
         own = (before.mask < 0.01) & ~silhouette(seen, placed)
         shade = shade_of(ratio, own, seen, placed)
         angle = np.degrees(np.arccos(np.clip(_unit(shade.toward) @ _unit(truth.toward), -1.0, 1.0)))

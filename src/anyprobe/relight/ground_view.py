@@ -70,11 +70,6 @@ class View(PinholeCamera):
         tops = range(lines.start, lines.stop, step)
         return [(slice(top, min(top + step, lines.stop)), columns) for top in tops]
 
-    def ground_of(self, strip: Part) -> np.ndarray:
-        """Return on_ground of the centres of these pixels, [R, C, 3]."""
-        y, x = np.mgrid[strip] + 0.5
-        return self.on_ground(x.ravel(), y.ravel()).reshape(*x.shape, 3)
-
 
 def view_of(photo: Photo, pitch_deg: float | None = None, found: Ground | None = None) -> tuple[View, float]:
     """Return the photo's camera over its ground, and the pitch used.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import dataclass, replace
@@ -22,7 +21,7 @@ from anyprobe.notices import Notice, give
 from anyprobe.relight.appearance import material_from_photo
 from anyprobe.relight.camera_look import DRAWN_BLUR, CameraLook, blurred, grain_over, look_of
 from anyprobe.relight.ground_map import GroundPicture, hides_shadows
-from anyprobe.relight.ground_view import VIEW_STRIP_PIXELS, View, view_of
+from anyprobe.relight.ground_view import View, view_of
 from anyprobe.relight.near_ground import Surroundings, draw_on_ground
 from anyprobe.relight.placement import Placement, Side, check_foot, place_beside
 from anyprobe.relight.real_body import real_body
@@ -37,10 +36,8 @@ MOST_DRAWN = 512
 """Largest size [px] that an object is drawn at; in larger photos, whose pixels are hardly sharper, it is enlarged."""
 ENLARGED_SUPERSAMPLE = 2
 """Samples of a pixel, along a side, of an object that is enlarged."""
-MOST_SHADED = 1024
-"""Largest number of shadow samples along a side of its part of the photo; larger parts are enlarged."""
-THREADS = 2
-"""Number of threads that darken strips of the ground."""
+LEAST_SINE = 1e-4
+"""Smallest sine below the horizon, times the ray's length, of a pixel that shows ground."""
 MIRRORED_DIRECTIONS, MIRRORED_GRID = 32, 64
 """Number of directions and grid side of the shadow on the ground that an object mirrors."""
 MOST_WHITE = 0.1
@@ -93,17 +90,12 @@ def cast_shadow(photo: Photo, view: View, shadow: GroundShadow, part: Part | Non
     pixels that show the shadow's square are read, and the part must contain them.
     """
     part = part or (slice(0, view.height), slice(0, view.width))
-    picture, shown = photo.rgb[part].copy(), view.part_around(shadow.foot, shadow.reach)
-    ratio_of = ratio_over(view, shadow, shown)
-
-    def darken(strip: Part) -> None:
-        ratio = 1.0 - (1.0 - ratio_of(strip)) * (1.0 - photo.mask[strip][..., None])
+    picture = photo.rgb[part].copy()
+    for strip in view.strips(view.part_around(shadow.foot, shadow.reach)):
+        ratio = 1.0 - (1.0 - transmittance(view, shadow, strip)) * (1.0 - photo.mask[strip][..., None])
         touched = np.asarray((np.abs(ratio - 1.0) > LEAST_SHADOW).any(axis=-1))
         under = picture[within(strip, part)]
         under[touched] = response(plate_of(photo, strip, touched) * ratio[touched])
-
-    with ThreadPoolExecutor(THREADS) as pool:  # each strip is a separate part of the picture
-        list(pool.map(darken, view.strips(shown)))
     return picture
 
 
@@ -119,35 +111,31 @@ def plate_of(photo: Photo, part: Part, on: np.ndarray | slice = slice(None)) -> 
     return np.where(radiance > 1, radiance, plate)
 
 
-def ratio_over(view: View, shadow: GroundShadow, part: Part) -> Callable[[Part], np.ndarray]:
-    """Return a function from strips of a part of the photo to the shadow's transmittance there, [R, C, 3],
-    interpolated from MOST_SHADED samples a side."""
-    corner, size = [side.start for side in part], [side.stop - side.start for side in part]
-    count = [min(side, MOST_SHADED) for side in size]
+def transmittance(view: View, shadow: GroundShadow, part: Part) -> np.ndarray:
+    """Return a shadow's transmittance in a part of the photo, [R, C, 3] float32; 1 above the horizon.
 
-    def ratio_at(y: np.ndarray, x: np.ndarray) -> np.ndarray:
-        points = view.on_ground(*(axis.ravel() for axis in np.meshgrid(x, y)))
-        return shadow.at(points).reshape(len(y), len(x), 3)
-
-    if count == size:
-        return lambda strip: ratio_at(*(np.arange(side.start, side.stop) + 0.5 for side in strip))
-    y, x = (c + (np.arange(n) + 0.5) * s / n for c, n, s in zip(corner, count, size, strict=True))
-    row_groups = np.array_split(y, -(-y.size * x.size // VIEW_STRIP_PIXELS))
-    with ThreadPoolExecutor(THREADS) as pool:
-        coarse = np.concatenate(list(pool.map(lambda rows: ratio_at(rows, x).astype(np.float32), row_groups)))
-    channels = [Image.fromarray(np.ascontiguousarray(coarse[..., k])) for k in range(3)]
-
-    def enlarged_over(strip: Part) -> np.ndarray:
-        (top, bottom), (left, right) = (
-            ((side.start - c) * n / s, (side.stop - c) * n / s)
-            for side, c, n, s in zip(strip, corner, count, size, strict=True)
+    A plane's picture is a homography of it: column, row and 1 of the shadow's grid, times the sine of the ray below the
+    horizon, are linear in the photo's pixels.
+    """
+    rows, columns = part
+    corners = view.rays(columns.start + np.array([0, 1, 0]), rows.start + np.array([0, 0, 1]))
+    down = -(corners @ view.up)
+    half = shadow.grid / 2
+    sides = (shadow.side, shadow.across)
+    cells = [(corners @ side - down * (shadow.foot @ side)) * half / shadow.reach + half * down for side in sides]
+    first, *steps = np.stack([*cells, down], axis=-1)
+    right, below = (one - first for one in steps)
+    data = [number for k in (0, 1) for number in (right[k], below[k], first[k])] + [right[2], below[2]]
+    size = columns.stop - columns.start, rows.stop - rows.start
+    lost = [
+        Image.fromarray(np.ascontiguousarray(1.0 - shadow.ratio[..., k], np.float32)).transform(
+            size, Image.Transform.PERSPECTIVE, [one / first[2] for one in data], Image.Resampling.BILINEAR
         )
-        shape = int(strip[1].stop - strip[1].start), int(strip[0].stop - strip[0].start)
-        box = (left, top, min(right, count[1]), min(bottom, count[0]))  # rounding may go beyond the picture
-        found = [channel.resize(shape, Image.Resampling.BILINEAR, box=box) for channel in channels]
-        return np.stack([np.asarray(channel) for channel in found], axis=-1)
-
-    return enlarged_over
+        for k in range(3)
+    ]
+    y, x = (0.5 + axis for axis in np.ogrid[: size[1], : size[0]])
+    is_ground = first[2] + right[2] * x + below[2] * y > LEAST_SINE
+    return 1.0 - np.where(is_ground[..., None], np.stack(lost, axis=-1), np.float32(0.0))
 
 
 def within(part: Part, outer: Part) -> Part:

@@ -11,7 +11,7 @@ import numpy as np
 
 from anyprobe.core.color import COLORSPACES, from_rec709
 from anyprobe.maps.radiance import HALF_MAX
-from anyprobe.relight.insert import Stage, mean_radiance, plate_of, ratio_over, within
+from anyprobe.relight.insert import Stage, mean_radiance, plate_of, transmittance, within
 from anyprobe.relight.shadow import GroundShadow
 from anyprobe.scatter.materials import Material
 
@@ -90,10 +90,9 @@ def passes_of(stage: Stage, radiance: np.ndarray, material: str | Material) -> P
 def _multiplier(stage: Stage, shadow: GroundShadow) -> np.ndarray:
     """Return a shadow's transmittance for each pixel of the photo, [H, W, 3]."""
     factor = np.ones((*stage.photo.mask.shape, 3), np.float32)
-    shown = stage.view.part_around(shadow.foot, shadow.reach)
-    ratio_of = ratio_over(stage.view, shadow, shown)
-    for strip in stage.view.strips(shown):
-        factor[strip] = 1.0 - (1.0 - ratio_of(strip)) * (1.0 - stage.photo.mask[strip][..., None])
+    for strip in stage.view.strips(stage.view.part_around(shadow.foot, shadow.reach)):
+        lost = 1.0 - transmittance(stage.view, shadow, strip)
+        factor[strip] = 1.0 - lost * (1.0 - stage.photo.mask[strip][..., None])
     return factor
 
 
