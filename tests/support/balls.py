@@ -19,12 +19,6 @@ def rich_map() -> np.ndarray:
     return np.exp(0.9 * bilinear(noise, d) - 1.2).astype(np.float32)
 
 
-def lamp_map() -> np.ndarray:
-    """[64, 128, 3]: one lamp in a dark room."""
-    lamp = pixel_directions(64) @ [0.48, 0.6, 0.64] > 0.985
-    return (0.001 + 20.0 * lamp[..., None] * np.ones(3)).astype(np.float32)
-
-
 def ball_photo(radiance: np.ndarray, kind: str, fov_deg: float = FOV) -> tuple[np.ndarray, np.ndarray]:
     """uint8 [240, 320, 3] and mask of a ball under a map, which is its background too."""
     height, width = 240, 320

@@ -12,7 +12,7 @@ import numpy as np
 
 from anyprobe.errors import InputError
 from anyprobe.estimate.extract import Extract, extract_of, extracts_of
-from anyprobe.estimate.mirror_ball import CHROME, said_of_ball
+from anyprobe.estimate.mirror_ball import CHROME, METAL, said_of_ball
 from anyprobe.estimate.multiview import estimate_views
 from anyprobe.estimate.photo import Photo, load_photo
 from anyprobe.estimate.refine import (
@@ -153,7 +153,7 @@ class Estimator:
         found = with_estimated_ground(found)
         found = with_material(found, photo)
         said, exposed, ball = found.said, exposed_fraction(found.said), extract.ball
-        if ball is not None and said.object_material is not None and said.object_material[0] >= ball.least_metal:
+        if ball is not None and said.object_material is not None and said.object_material[0] >= METAL:
             load_s = extract.load_s + time.perf_counter() - start
             unwrapped = Extract(photo=ball.photo, inputs=ball.inputs, plate=extract.plate, load_s=load_s)
             light = self.from_extract(unwrapped, material_named(CHROME))

@@ -2,7 +2,7 @@
 
 import { CONTRACT } from "../core/contract.js";
 import { MATERIALS, materialInput } from "../photo/material.js";
-import { leastMetal, saidOfBall } from "../photo/mirrorBall.js";
+import { looksLikeBall, saidOfBall } from "../photo/mirrorBall.js";
 import { sphereOfOutline } from "../photo/sphere.js";
 import { lightOfObject } from "./lightOfObject.js";
 
@@ -13,15 +13,15 @@ const BALL = MATERIALS[CONTRACT.mirror_ball.material];
  *
  * @param {import("./models.js").Models} models
  * @param {import("../photo/picture.js").Picture} picture
- * @param {{longFovDeg: number, isLensKnown: boolean}} lens isLensKnown: else other fields of view are tried
+ * @param {{longFovDeg: number, isLensKnown: boolean}} lens isLensKnown: whether that is the picture's own
  * @param {Float32Array} mask
  * @param {import("./lightOfObject.js").LightOptions & {normals?: Float32Array | null}} options
  */
 export async function lightOfStill(models, picture, { longFovDeg, isLensKnown }, mask, options) {
   const asked = { ...options, isLensKnown };
   const found = await lightOfObject(models, picture, mask, longFovDeg, asked);
-  if (options.material || options.normals) return found;
-  if (!(found.object.metal >= leastMetal(picture, mask, longFovDeg, isLensKnown))) return found;
+  if (options.material || options.normals || found.object.metal < CONTRACT.mirror_ball.metal) return found;
+  if (!looksLikeBall(picture, mask, longFovDeg)) return found;
   const { normals } = sphereOfOutline(mask, picture.width, longFovDeg);
   const unwrapped = { ...asked, normals, material: materialInput(BALL), mirror: BALL.f0 };
   const light = await lightOfObject(models, picture, mask, longFovDeg, unwrapped);
