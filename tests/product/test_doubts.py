@@ -18,7 +18,6 @@ from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.ground import ground_by_posture, up_of
 from anyprobe.estimate.photo import load_photo
 from anyprobe.notices import give
-from anyprobe.pictures.images import read_image
 
 
 def warned(picture, mask) -> str:
@@ -78,16 +77,8 @@ def test_an_environment_map_given_as_the_photo_is_said(tmp_path, command):
     mask = np.zeros(around.shape[:2], np.uint8)
     mask[40:90, 100:150] = 255
     assert "environment-map" not in [one.code for one in load_photo(path, mask=mask).warnings]
-    part = np.repeat(np.repeat(around[40:88, 30:126], 2, axis=0), 2, axis=1)
-    turned = np.roll(around, 77, axis=1)
-    shapes = {"part": (part, False), "turned": (turned, True), "higher": (around[:, 1:], False)}
-    for name, (radiance, is_said) in shapes.items():
-        pixels = read_image(written_place(tmp_path / f"{name}.exr", radiance))
-        assert bool(all_around_doubts(pixels.rgb, pixels.radiance, name)) == is_said, name
-    plain = np.full((128, 256, 3), 0.5, np.float32)
-    plain[40:90, 100:150] = 2.0
-    pixels = read_image(written_place(tmp_path / "plain.exr", plain))
-    assert not all_around_doubts(pixels.rgb, pixels.radiance, "plain"), "a backdrop of one colour meets, too"
+    for radiance, is_said in ((around, True), (around[:, 1:], False), (None, False)):
+        assert bool(all_around_doubts(radiance, "field.exr")) == is_said
 
 
 def lamp_at(elevation_deg: float) -> np.ndarray:

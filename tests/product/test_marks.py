@@ -27,7 +27,7 @@ def test_a_spreadsheet_s_unicode_text_is_read_and_another_encoding_is_named(tmp_
     path = tmp_path / "marks.csv"
     path.write_bytes("photo\tclick\r\nä.png\t5,6\r\n".encode("utf-16"))
     assert read_marks(path) == {"ä.png": {"click": [(5.0, 6.0)]}}
-    path.write_bytes("photo,click\nä.png,\"5,6\"\n".encode("latin-1"))
+    path.write_bytes('photo,click\nä.png,"5,6"\n'.encode("latin-1"))
     with refused(naming="UTF-8"):
         read_marks(path)
 

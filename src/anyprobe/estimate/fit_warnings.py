@@ -1,20 +1,16 @@
-"""Doubts about the first panorama of a match: another kind of place, another lighting, another level."""
+"""Doubts about the first panorama of a match: another kind of place, another lighting."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from anyprobe.core.color import luminance
-from anyprobe.core.latlong import pixel_directions
 from anyprobe.estimate.result import Light
-from anyprobe.light.environment import MAP_HEIGHT, integral, rotate
+from anyprobe.light.environment import MAP_HEIGHT, rotate
 from anyprobe.match.ranking import OWN_ERROR, MatchedMap, log_odds, same_kind, shading_apart
 from anyprobe.notices import Notice, give
 
 UNLIKE = 0.4
 """Probability up to which a place and a map are hardly of one kind."""
-STOPS_APART = 1.0
-"""Difference in brightness above which a map's level is doubtful [stops]."""
 
 
 def match_doubts(light: Light, first: MatchedMap) -> list[Notice]:
@@ -25,13 +21,6 @@ def match_doubts(light: Light, first: MatchedMap) -> list[Notice]:
     if light.pitch_deg is None:
         text = "the camera's pitch is unknown, so maps may be tilted"
         doubts.append(Notice(text, code="pitch-unknown", remedy=give("pitch_deg")))
-    stops = stops_apart(radiance, estimate)
-    if abs(stops) > STOPS_APART:
-        text = (
-            f"the first map lights the object's visible side {stops:+.1f} stops off the estimate, as the object "
-            "and its background need different exposures; check the sheet before using the map"
-        )
-        doubts.append(Notice(text, code="match-level"))
     return doubts + kind_doubts(light.outdoors, first.library.lights[first.index], first.name)
 
 
@@ -59,12 +48,3 @@ def kind_doubts(outdoors: float | None, radiance: np.ndarray, name: str) -> list
     kinds = ("outdoors", "indoors") if theirs[0] > 0 else ("indoors", "outdoors")
     text = "looks {}, but the light is as {}; check the map before using it".format(*kinds)
     return [Notice(text, code="match-kind", source=name)]
-
-
-def stops_apart(radiance: np.ndarray, other: np.ndarray) -> float:
-    """Return by how many stops a map [H, 2H, 3] lights a plane that faces the camera more than another map does."""
-    irradiance = [
-        integral(light * np.maximum(pixel_directions(len(light))[..., 2:], 0.0)) for light in (radiance, other)
-    ]
-    first, second = (max(float(luminance(rgb)), 1e-6) for rgb in irradiance)
-    return float(np.log2(first / second))

@@ -55,7 +55,7 @@ OUTPUTS = (
 )
 PHOTO_SIDE, WINDOW_SIDE = (int(contract("graph")[name]) for name in ("photo_side", "window_side"))
 """Longest sides of the photo and of the window [pixels]."""
-SEEN = 0.9
+SEEN_CONFIDENCE = 0.9
 """Confidence of a place that is seen."""
 CROP_MARGIN: float = contract("sizes")["crop_margin"]
 """Side of the square around the object over the longer side of its box."""

@@ -13,7 +13,7 @@ from anyprobe.core.frames import is_rotation
 from anyprobe.core.response import response
 from anyprobe.errors import InputError
 from anyprobe.estimate.extract import Extract
-from anyprobe.estimate.light_graph import SEEN
+from anyprobe.estimate.light_graph import SEEN_CONFIDENCE
 from anyprobe.estimate.result import Light
 from anyprobe.estimate.sidecar import Origin
 from anyprobe.estimate.surroundings import LEAST_COVER
@@ -63,7 +63,7 @@ def completed(light: Light, known: np.ndarray) -> Light:
     radiance = (light.radiance + share * (shown - light.radiance)).astype(np.float32)
     if light.confidence is None:
         return replace(light, radiance=radiance)
-    confidence = light.confidence + share[..., 0] * (SEEN - light.confidence)
+    confidence = light.confidence + share[..., 0] * (SEEN_CONFIDENCE - light.confidence)
     return replace(light, radiance=radiance, confidence=confidence.astype(np.float32))
 
 

@@ -133,7 +133,7 @@ def load_photo(
     scale = scale_doubts(pixels.radiance, pixels.name)
     place = hints.place()  # whoever marks an object knows what the picture is
     is_marked = pixels.alpha is not None or any(given is not None for given in place.values())
-    all_around = () if is_marked else all_around_doubts(pixels.rgb, pixels.radiance, pixels.name)
+    all_around = () if is_marked else all_around_doubts(pixels.radiance, pixels.name)
     try:
         found = find_mask(pixels, **place, segmenter=segmenter)
     except InvalidMask as error:

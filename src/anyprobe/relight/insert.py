@@ -30,6 +30,7 @@ from anyprobe.render.mesh import Mesh
 from anyprobe.render.surface import Camera
 from anyprobe.scatter.materials import Material, material_named
 
+PERSPECTIVE, BILINEAR = Image.Transform.PERSPECTIVE, Image.Resampling.BILINEAR
 BORDER_PX = 2
 """Border [px] around the object's window, for its soft edge."""
 MOST_DRAWN = 512
@@ -127,15 +128,13 @@ def transmittance(view: View, shadow: GroundShadow, part: Part) -> np.ndarray:
     right, below = (one - first for one in steps)
     data = [number for k in (0, 1) for number in (right[k], below[k], first[k])] + [right[2], below[2]]
     size = columns.stop - columns.start, rows.stop - rows.start
-    lost = [
-        Image.fromarray(np.ascontiguousarray(1.0 - shadow.ratio[..., k], np.float32)).transform(
-            size, Image.Transform.PERSPECTIVE, [one / first[2] for one in data], Image.Resampling.BILINEAR
-        )
-        for k in range(3)
-    ]
+    numbers = [one / first[2] for one in data]
+    grids = (np.ascontiguousarray(1.0 - shadow.ratio[..., k], np.float32) for k in range(3))
+    pictures = (Image.fromarray(grid).transform(size, PERSPECTIVE, numbers, BILINEAR) for grid in grids)
+    lost = np.stack([np.asarray(picture) for picture in pictures], axis=-1)
     y, x = (0.5 + axis for axis in np.ogrid[: size[1], : size[0]])
     is_ground = first[2] + right[2] * x + below[2] * y > LEAST_SINE
-    return 1.0 - np.where(is_ground[..., None], np.stack(lost, axis=-1), np.float32(0.0))
+    return 1.0 - np.where(is_ground[..., None], lost, np.float32(0.0))
 
 
 def within(part: Part, outer: Part) -> Part:

@@ -14,7 +14,7 @@ from torch.nn import functional as F
 from anyprobe.core.color import REC709
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import CLIPPED, inverse_response, response
-from anyprobe.estimate.light_graph import SEEN
+from anyprobe.estimate.light_graph import SEEN_CONFIDENCE
 from anyprobe.light.environment import MAP_HEIGHT
 
 TINT, TINT_FLOOR = 0.5, 0.05
@@ -58,7 +58,7 @@ class KnownParts(nn.Module):
         tinted = guess * (own_color(guess, shown, cover) * (1.0 - has_material) + has_material)
         guessed = self.continued(tinted, seen)
         known = brightened(shown, clipped, guessed)
-        return guessed + cover * (known - guessed), confidence + cover[0] * (SEEN - confidence)
+        return guessed + cover * (known - guessed), confidence + cover[0] * (SEEN_CONFIDENCE - confidence)
 
     def continued(self, guess: torch.Tensor, seen: torch.Tensor) -> torch.Tensor:
         """Return a guess that goes on from what is seen: more so the nearer it is; light above white stays."""

@@ -11,13 +11,13 @@ import { CONTRACT } from "../core/contract.js";
 import { median } from "../photo/ground.js";
 import { objectBox } from "../photo/picture.js";
 import { around } from "../photo/search.js";
-import { STILL, beginKey, locateKey, lumaOf, matrixOf } from "./registration.js";
+import { REACH, STILL, beginKey, locateKey, lumaOf, matrixOf } from "./registration.js";
 
 const { most_change: MOST_CHANGE, faded: FADED, room: ROOM, remembered: REMEMBERED, other_light: OTHER_LIGHT, ...NUMBERS } = CONTRACT.held_mask;
 const { narrow: NARROW, narrow_error: NARROW_ERROR, narrow_most: NARROW_MOST } = NUMBERS;
 
 /** Margin read beyond the reach of registration, in longer sides of the object. */
-const READ_MORE = CONTRACT.registration.reach + 0.1;
+const READ_MORE = REACH + 0.1;
 
 /** Smaller windows are not registered [pixels]. */
 const LEAST_PX = 8;

@@ -8,15 +8,17 @@
  * @typedef {{motion: Motion, alike: number, inside: number, agreed: number, errorPx: number}} Registered
  */
 
-import { CONTRACT } from "../core/contract.js";
 import { solved } from "../core/linear.js";
 import { median } from "../photo/ground.js";
 import { objectBox } from "../photo/picture.js";
 import { resize } from "../photo/resize.js";
 
-const { fine_px: FINE_PX, coarse_px: COARSE_PX, points: POINTS, reach: REACH, pull: PULL, ...NUMBERS } = CONTRACT.registration;
-const { steps: STEPS, done_px: DONE_PX, spread: SPREAD, least: LEAST, least_gain: LEAST_GAIN } = NUMBERS;
-const { alike: ALIKE, inside: INSIDE, agreed: AGREED, error: ERROR } = NUMBERS;
+const [FINE_PX, COARSE_PX, POINTS, PULL] = [384, 32, 3000, 0.05];
+const [STEPS, DONE_PX, SPREAD, LEAST, LEAST_GAIN] = [8, 0.02, 2.4, 0.5, 0.2];
+const [ALIKE, INSIDE, AGREED, ERROR] = [0.8, 0.7, 0.35, 3.0];
+
+/** How far an object may move, in its longer sides. */
+export const REACH = 0.25;
 
 /** Numbers in a row of a level: what the four parts of a motion change, the key's value, one. */
 const TERMS = 6;
