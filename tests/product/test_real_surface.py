@@ -8,7 +8,7 @@ from support.refused import refused
 from anyprobe.estimate.ground import contact_of
 from anyprobe.estimate.photo import Photo, load_photo
 from anyprobe.relight.insert import Arrangement, Stage
-from anyprobe.relight.real_surface import STANDS, RealSurface
+from anyprobe.relight.placement import STANDS, RealSurface
 from anyprobe.render.shapes import sphere
 
 

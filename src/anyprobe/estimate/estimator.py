@@ -155,7 +155,7 @@ class Estimator:
         said, exposed, ball = found.said, exposed_fraction(found.said), extract.ball
         if ball is not None and said.object_material is not None and said.object_material[0] >= METAL:
             load_s = extract.load_s + time.perf_counter() - start
-            unwrapped = Extract(photo=ball.photo, inputs=ball.inputs, plate=extract.plate, load_s=load_s)
+            unwrapped = replace(ball, plate=extract.plate, load_s=load_s)
             light = self.from_extract(unwrapped, material_named(CHROME))
             return replace(light, warnings=(*light.warnings, said_of_ball(photo.name)))
         seconds = {"load": round(extract.load_s, 4), "networks": round(time.perf_counter() - start, 4)}

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from anyprobe.errors import InputError
-from anyprobe.estimate.mirror_ball import Ball, find_ball
+from anyprobe.estimate.mirror_ball import as_ball
 from anyprobe.estimate.photo import Photo, inputs_of
 from anyprobe.estimate.surroundings import GivenPanorama
 from anyprobe.place.plate import Plate
@@ -22,14 +22,15 @@ class Extract:
     Attributes:
         photo: without its pixels.
         inputs: of photo.inputs_of.
-        ball: the object as a mirror ball, where it is alone and looks like one; the light is then unwrapped from it.
+        ball: the object as a mirror ball, where it is alone and looks like one; if it is metal, the light is unwrapped
+            from it.
         plate: the photo beside its object, for the light's panorama; None: it is not kept.
         load_s: how long reading the photo, finding its object and this took.
     """
 
     photo: Photo
     inputs: dict[str, np.ndarray]
-    ball: Ball | None = None
+    ball: Extract | None = None
     plate: Plate | None = None
     load_s: float = 0.0
 
@@ -45,11 +46,11 @@ def extract_of(photo: Photo, *, is_first: bool = True, may_be_ball: bool = True,
     seen = photo
     if not is_first and isinstance(photo.surroundings, GivenPanorama):
         seen = replace(photo, surroundings=None)
-    ball = find_ball(photo) if may_be_ball else None
+    ball = as_ball(photo) if may_be_ball else None
     return Extract(
         photo=seen.without_pixels(),
         inputs=inputs_of(seen),
-        ball=ball and replace(ball, photo=ball.photo.without_pixels()),
+        ball=None if ball is None else Extract(photo=ball.without_pixels(), inputs=inputs_of(ball)),
         plate=photo.plate() if with_plate and photo.shows_place else None,
         load_s=photo.load_s + time.perf_counter() - start,
     )

@@ -6,7 +6,7 @@ and what plastic mirrors near its rim the network does not take for metal.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from anyprobe.core.camera import PinholeCamera
 from anyprobe.core.contract import contract
 from anyprobe.core.response import inverse_response
 from anyprobe.estimate.normals_hint import normals_from_outline, rays_through, sphere_of_outline
-from anyprobe.estimate.photo import Photo, inputs_of
+from anyprobe.estimate.photo import Photo
 from anyprobe.light.harmonics import sh_basis
 from anyprobe.masks.check import object_box
 from anyprobe.notices import Notice, give
@@ -48,25 +48,12 @@ def said_of_ball(name: str) -> Notice:
     return Notice(text, code="mirror-ball", source=name, remedy=give("material"))
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Ball:
-    """An object that is a mirror ball if the network takes it for metal.
-
-    Attributes:
-        photo: of it, with a sphere's normals.
-        inputs: what the networks are given of it.
-    """
-
-    photo: Photo
-    inputs: dict[str, np.ndarray]
-
-
-def find_ball(photo: Photo) -> Ball | None:
-    """Return a photo's object as a ball; None where it does not look like one, or its shape or material is given."""
+def as_ball(photo: Photo) -> Photo | None:
+    """Return a photo with a sphere's normals where its object looks like a mirror ball, which it is if the network
+    takes it for metal; None where it does not, or its shape or material is given."""
     if photo.material is not None or photo.normals is not None or not looks_like_ball(photo):
         return None
-    ball = replace(photo, normals=normals_from_outline(photo.mask, photo.long_fov_deg))
-    return Ball(photo=ball, inputs=inputs_of(ball))
+    return replace(photo, normals=normals_from_outline(photo.mask, photo.long_fov_deg))
 
 
 def looks_like_ball(photo: Photo) -> bool:
