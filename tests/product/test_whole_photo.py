@@ -87,9 +87,9 @@ def test_cut_outs_are_estimated_as_they_were(background):
     assert "surroundings" not in auto.info["hints"]
 
 
-@pytest.mark.parametrize(("grey", "opaque", "said"), [(250, True, True), (0, True, True), (250, False, False)])
+@pytest.mark.parametrize(("grey", "opaque", "said"), [(250, True, True), (0, True, False), (250, False, False)])
 def test_a_backdrop_that_is_not_used_is_said(grey, opaque, said):
-    """A single colour may be a studio's; transparency is a cut-out's."""
+    """White may be a studio's; black and transparency are a cut-out's."""
     photo, mask = room_photo(smooth_map())
     photo[mask == 0] = grey
     given = {"mask": mask} if opaque else {}

@@ -29,6 +29,9 @@ from anyprobe.notices import Notice, give, leave_out
 
 BLACK, WHITE, ENOUGH_EXPOSED = (contract("exposure")[name] for name in ("black", "white", "enough"))
 """Display values between which a pixel is well exposed, and the share of such pixels below which confidence falls."""
+BACKDROP_LEVEL: float = contract("ground")["backdrop_level"]
+"""Median display value above which a single colour may be a backdrop, rather than the black of a cut-out or a dark
+room."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -75,8 +78,14 @@ def with_background_doubt(found: Prediction, photo: Photo, inputs: Mapping[str, 
     is_plain = found.said.background[0] > 0
     doubts = dark_beside_doubts(photo.name)
     if is_plain:
-        doubts = backdrop_doubts(photo.name) if inputs["photo"][..., 3].min() > 0.5 else ()
+        doubts = backdrop_doubts(photo.name) if _hides_backdrop(inputs["photo"][0]) else ()
     return replace(found, ground=None, doubts=(*found.doubts, *doubts))
+
+
+def _hides_backdrop(photo: np.ndarray) -> bool:
+    """Return whether an opaque photo [H, W, 5] is bright enough beside its object for a studio's backdrop."""
+    display = photo[..., :3][photo[..., 4] < 0.5]
+    return len(display) > 0 and bool(photo[..., 3].min() > 0.5 and np.median(luminance(display)) > BACKDROP_LEVEL)
 
 
 def with_estimated_ground(found: Prediction) -> Prediction:

@@ -1,5 +1,6 @@
 /** The ground under the object, as anyprobe.estimate.ground. */
 
+import { luminance } from "../core/color.js";
 import { CONTRACT } from "../core/contract.js";
 import { focalPx } from "./lens.js";
 import { give, notice } from "../notices.js";
@@ -90,13 +91,19 @@ export function groundDoubts(ground) {
 }
 
 /**
- * A line where an opaque photo's background is of one colour; anyprobe.estimate.refine has the same.
+ * A line where what is beside the object of an opaque cut-out is bright enough for a studio's backdrop;
+ * anyprobe.estimate.refine has the same.
  *
  * @param {Float32Array} photo [N, 5] of graphInputs
  * @returns {import("../notices.js").Notice[]}
  */
 export function backdropDoubts(photo) {
-  for (let at = 3; at < photo.length; at += 5) if (!(photo[at] > 0.5)) return [];
+  const levels = [];
+  for (let at = 0; at < photo.length; at += 5) {
+    if (!(photo[at + 3] > 0.5)) return [];
+    if (photo[at + 4] < 0.5) levels.push(luminance(photo[at], photo[at + 1], photo[at + 2]));
+  }
+  if (levels.length === 0 || median(levels) <= GROUND.backdrop_level) return [];
   const text = "the background is of one colour, as a cut-out's, and is not used; if it is real, ask for it";
   return [notice("plain-backdrop", text, [{ do: "give", name: "surroundings", value: "photo" }])];
 }
