@@ -102,9 +102,10 @@ CHUNK = 4096
 MAPS_FROM = 0.3
 """Smallest alpha of materials that are looked up in reflectance maps of side MAP_SIZE, if points are more."""
 MAP_SIZE = 48
-CREASE = 0.95
-"""Length of the mean of a pixel's unit normals below which they are shaded one by one: over a crease of 36 degrees the
-mean of two faces faces nowhere, and a metal would mirror there what neither face does."""
+CREASE, ALONE_SAMPLES = 0.95, 16
+"""Length of the mean of a pixel's unit normals below which they are shaded one by one, with so many samples each: over
+a crease of 36 degrees the mean of two faces faces nowhere, and a metal would mirror there what neither face does. So
+are normals that vary more than a narrow lobe is wide."""
 LIGHT_ROWS = 256
 """Rows of the light that is drawn with: a pyramid samples a larger map at points and misses what lies between."""
 
@@ -119,8 +120,8 @@ def draw_mesh(
 ) -> Float[np.ndarray, "S S 4"]:
     """Draw the mesh as the camera sees it, under distant light and without shadows.
 
-    A pixel's coverage is that of supersample^2 points; it is shaded once, with the mean of their normals, or at a
-    crease point by point; directly or, where that is as good, by reflectance maps.
+    A pixel's coverage is that of supersample^2 points; it is shaded once, with the mean of their normals, or where
+    these vary point by point; directly or, where that is as good, by reflectance maps.
 
     Args:
         camera: in the mesh's frame.
@@ -134,26 +135,28 @@ def draw_mesh(
     row, column = np.nonzero(fine.mask)
     pixel = row // supersample * size + column // supersample
     count = np.bincount(pixel, minlength=size * size)
-    point, of_point, share = _shaded_points(fine.normals, pixel, count)
+    crease = max(CREASE, 1.0 - material.alpha**2 / 2)
+    point, of_point, share = _shaded_points(fine.normals, pixel, count, crease)
     n, wo = (_mean_direction(v, point, len(of_point)) for v in (fine.normals, fine.wo))
     turn = np.asarray(camera.world_from_camera, np.float32).T
     n, wo = n @ turn, wo @ turn
     light, u = reduced(np.asarray(radiance, np.float32), LIGHT_ROWS), hammersley(num_samples)
-    u_diffuse = u if np.any(material.albedo) else None  # a metal has none
     wide = shading_pyramid(light)
     pyramid = wide if material.alpha >= PATCHES[0][0] else shading_pyramid(light, material.alpha)
     picture = np.zeros((size * size, 4), np.float32)
     picture[:, 3] = count / supersample**2
     if material.alpha >= MAPS_FROM and len(of_point) > MAP_SIZE**2:
+        u_diffuse = u if np.any(material.albedo) else None  # a metal has none
         shaded = radiance_by_maps(pyramid, n, wo, material, u, u_diffuse, size=MAP_SIZE, wide=wide)
     else:
         shaded = np.zeros((len(of_point), 3), np.float32)
-        for some in np.array_split(np.arange(len(of_point)), max(1, -(-len(of_point) // CHUNK))):
-            if len(some):
-                _, specular, grazing = shade_specular(pyramid, n[some], wo[some], material.alpha, u)
+        for group, samples in ((share == 1, u), (share < 1, hammersley(ALONE_SAMPLES))):
+            for first in range(0, int(group.sum()), CHUNK):
+                some = np.flatnonzero(group)[first : first + CHUNK]
+                _, specular, grazing = shade_specular(pyramid, n[some], wo[some], material.alpha, samples)
                 shaded[some] = material.f0 * specular + (1.0 - material.f0) * grazing
-                if u_diffuse is not None:
-                    diffuse = shade_diffuse(wide, n[some], wo[some], u_diffuse)
+                if np.any(material.albedo):
+                    diffuse = shade_diffuse(wide, n[some], wo[some], samples)
                     shaded[some] += material.albedo * (1.0 - material.f0) * diffuse
     for channel in range(3):
         picture[:, channel] = np.bincount(of_point, share * shaded[:, channel], size * size)
@@ -161,7 +164,7 @@ def draw_mesh(
 
 
 def _shaded_points(
-    normals: Float[np.ndarray, "P 3"], pixel: np.ndarray, count: np.ndarray
+    normals: Float[np.ndarray, "P 3"], pixel: np.ndarray, count: np.ndarray, crease: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Group samples of unit normals [P, 3], each in a pixel [P] of count [S * S] samples, into points to be shaded.
 
@@ -169,7 +172,7 @@ def _shaded_points(
         The point of each sample [P]; the pixel of each point [N], and its share of that pixel's samples [N].
     """
     total = np.stack([np.bincount(pixel, normals[:, k], len(count)) for k in range(3)], axis=-1)
-    is_creased = np.linalg.norm(total, axis=-1) < CREASE * count
+    is_creased = np.linalg.norm(total, axis=-1) < crease * count
     own = np.where(is_creased[pixel], len(count) + np.arange(len(pixel)), pixel)
     _, first, point, samples = np.unique(own, return_index=True, return_inverse=True, return_counts=True)
     of_point = pixel[first]
