@@ -53,9 +53,12 @@ def real_body(photo: Photo, view: View, spot: Placement) -> Mesh | None:
 
     base = upright(contact)[1][-1]
     middle, half = upright(contact - DEPTH * base * toward)  # what is seen to touch the ground is the front of the base
-    height = (spot.mesh.positions - spot.foot) @ view.up
-    low = (middle - spot.foot) @ view.up < height.max()  # a spout above it is not in its way
-    flat = _flattened(spot, middle[low], half[low], right, toward)
+    # the upper outline is seen past the middle: of an ellipsoid with half axes a and b, at sqrt(a^2 + b^2 tan^2)
+    upper = np.maximum((middle - middle[len(middle) // 2]) @ view.up, 0.0)
+    beyond = DEPTH * half.max() / np.linalg.norm(away)  # the camera's height is one
+    lower = 1.0 - np.sqrt(max(1.0 - (beyond / max(upper.max(), 1e-9)) ** 2, 0.0))
+    middle = middle - lower * upper[:, None] * view.up
+    flat = _flattened(spot, middle, half, view.up, right, toward)
     if flat is None:
         return None
     angle = np.arange(SECTORS) * 2 * np.pi / SECTORS
@@ -72,17 +75,18 @@ def real_body(photo: Photo, view: View, spot: Placement) -> Mesh | None:
 
 
 def _flattened(
-    spot: Placement, middle: np.ndarray, half: np.ndarray, right: np.ndarray, toward: np.ndarray
+    spot: Placement, middle: np.ndarray, half: np.ndarray, up: np.ndarray, right: np.ndarray, toward: np.ndarray
 ) -> float | None:
     """Return the real object's depth over its width that leaves the inserted one its place; None without room.
 
-    middle, half: of the rows at the inserted one's height.
+    middle [R, 3], half [R]: of the rows, from the top down.
     """
-    if not len(half):
-        return DEPTH
-    own = spot.mesh.positions - spot.foot
-    beside, before = (np.abs((spot.foot - middle) @ axis) - np.abs(own @ axis).max() for axis in (right, toward))
-    if (beside >= half).all():
-        return DEPTH
-    room = float(before.min() / half.max())
-    return None if room < LEAST_DEPTH else min(room, DEPTH)
+    own, rows = spot.mesh.positions - spot.foot, (middle - spot.foot)[::-1]
+    height, heights = own @ up, rows @ up
+    axis = np.stack([np.interp(height, heights, rows[:, k]) for k in range(3)], axis=-1)
+    wide = np.interp(height, heights, half[::-1], right=0.0)
+    across, before = (np.abs((own - axis) @ way) for way in (right, toward))
+    level = across < wide
+    room = before[level] / np.sqrt(wide[level] ** 2 - across[level] ** 2)
+    flat = float(room.min(initial=DEPTH))
+    return None if flat < LEAST_DEPTH else flat
