@@ -19,20 +19,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from anyprobe.core.color import luminance
 from anyprobe.core.frames import normalize, reflect, world_from_local
 from anyprobe.core.latlong import bilinear, direction_to_uv, uv_to_direction
 from anyprobe.core.resample import resample
 from anyprobe.core.sampling import hammersley, square_to_cosine_hemisphere
-from anyprobe.light.environment import MAP_HEIGHT, reduced
+from anyprobe.light.environment import MAP_HEIGHT, integral, reduced
 from anyprobe.light.filtering import irradiance_map
 from anyprobe.light.octahedral import Pyramid, lookup_rgb
 from anyprobe.paper.equations import ggx_distribution, schlick_weight
 from anyprobe.relight.ground_map import GroundPicture, radiance_at, with_ground
 from anyprobe.relight.placement import Placement
 from anyprobe.relight.shadow import GroundShadow
-from anyprobe.render.integrate import emitters_specular, lobe_lod, lobe_samples, shading_pyramid
+from anyprobe.render.integrate import PATCHES, emitters_specular, lobe_lod, lobe_samples, shading_pyramid
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.picture import LIGHT_ROWS, draw_mesh
+from anyprobe.render.shadow_maps import sharp_shares
 from anyprobe.render.surface import Camera, see
 from anyprobe.render.voxels import first_faces, open_shares, voxelize
 from anyprobe.scatter.materials import Material
@@ -44,8 +46,11 @@ COARSE, COARSER = 128, 32
 """Sides [px] of the pictures in which light is hidden, and in which the ground is near."""
 DIRECTIONS, LOBE_RAYS, GROUND_RAYS = 192, 8, 96
 """Numbers of directions of parallel light, of rays of a lobe, and of rays to the ground, from each of their points."""
-OFF_SURFACE = 1.5
-"""Distance from the surface, in the longest sides of cells, from which points look."""
+OFF_SURFACE, OFF_SHARP = 1.5, 0.375
+"""Distances from the surface, in the longest sides of cells, from which points look: at cells, and at shadow maps,
+which are four times as fine."""
+STRONG = 1 / 16
+"""Smallest share of all light of a direction whose shadows are sharp."""
 LEAST_SINE = 1e-3
 """Smallest angle [rad] below the horizon of a direction that meets the ground."""
 
@@ -64,19 +69,35 @@ class Points:
 
     @classmethod
     def seen(cls, mesh: Mesh, camera: Camera, size: int) -> Points:
-        """See a mesh in a picture of at most this size."""
-        surface = see(mesh, replace(camera, size=min(camera.size, size)))
+        """See a mesh in a picture of this size."""
+        surface = see(mesh, replace(camera, size=size))
         turn = np.asarray(camera.world_from_camera).T
         rays = -surface.wo / surface.wo[:, 2:]
         at = camera.position + (rays * surface.depth[:, None]) @ turn
         n, wo = ((v @ turn).astype(np.float32) for v in (surface.normals, surface.wo))
         return cls(mask=surface.mask, at=at, n=n, wo=wo)
 
-    def picture(self, values: np.ndarray, size: int) -> Float[np.ndarray, "S S C"]:
-        """Return values [P, C] as a picture [size, size, C], smooth between the points."""
-        coarse = np.zeros((*self.mask.shape, values.shape[1] + 1), np.float32)
+    def interleaved(self, side: int) -> list[np.ndarray]:
+        """Return the points of each of the pixels of all squares of this side."""
+        row, column = np.nonzero(self.mask)
+        return [np.flatnonzero((row % side == y) & (column % side == x)) for y in range(side) for x in range(side)]
+
+    def picture(self, values: np.ndarray, size: int, mean_of: int = 1) -> Float[np.ndarray, "S S C"]:
+        """Return values [P, C] as a picture [size, size, C], smooth between the points.
+
+        Beside them, where the object may cover part of a pixel, it is the mean of those around.
+
+        Args:
+            mean_of: side of the squares of pixels whose mean counts.
+        """
+        rows, columns = self.mask.shape
+        padded = np.zeros((rows + 2, columns + 2, values.shape[1] + 1), np.float32)
+        coarse = padded[1:-1, 1:-1]
         coarse[self.mask] = np.concatenate([values, np.ones((len(values), 1))], axis=1)
-        larger = resample(coarse, (size, size), smooth=True)
+        around = np.sum([padded[y : y + rows, x : x + columns] for y in range(3) for x in range(3)], axis=0)
+        filled = np.where(self.mask[..., None], coarse, around / np.maximum(around[..., -1:], 1.0))
+        filled = resample(filled, (columns // mean_of, rows // mean_of))
+        larger = resample(filled, (size, size), smooth=True)
         return larger[..., :-1] / np.maximum(larger[..., -1:], 1e-6)
 
 
@@ -85,25 +106,56 @@ class Surroundings:
 
     def __init__(self, ground: GroundPicture, spot: Placement, shadow: GroundShadow, beside: Mesh | None) -> None:
         """Keep all of them; beside: the real object, in the photo's frame."""
-        self.ground, self.spot, self.shadow = ground, spot, shadow
+        self.ground, self.spot, self.shadow, self.beside = ground, spot, shadow, beside
         self.lit = with_ground(ground, spot, shadow)
         self.light = reduced(np.asarray(self.lit, np.float32), LIGHT_ROWS)
-        self.own = voxelize(spot.mesh)
+        volume = np.linalg.det(spot.mesh.positions[spot.mesh.faces] - spot.foot).sum()
+        self.own, self.normals = voxelize(spot.mesh), np.sign(volume) * normalize(spot.mesh.normals.mean(axis=1))
         self.real = None if beside is None else voxelize(beside)
-        self.real_colors = np.zeros((1, 3)) if beside is None else self._colors(beside)
+        self.real_colors, self.real_sent = np.zeros((2, 1, 3))
+        if beside is not None:
+            self._color(beside)
 
-    def _colors(self, beside: Mesh) -> Float[np.ndarray, "F 3"]:
-        """Return the radiance that the photo shows of each face, a back's as its front's; else their mean."""
+    def _color(self, beside: Mesh) -> None:
+        """Keep the radiance [F, 3] of the real object's faces, and the mean of those that face the inserted one.
+
+        A face that the photo does not show has the mean albedo of those that it shows, in the light of its side.
+        """
         photo, view = self.ground.photo, self.ground.view
-        pixels = view.pixels(beside.positions[beside.faces].mean(axis=1))
-        column, row = np.clip(pixels, 0, [view.width - 1, view.height - 1]).astype(int).T
-        shown, own = radiance_at(photo, row, column), photo.mask[row, column] > 0.5
-        return np.where(own[:, None], shown, shown[own].mean(axis=0) if own.any() else 0.0)
+        corners = beside.positions[beside.faces]
+        middle, n = (
+            corners.mean(axis=1),
+            normalize(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])),
+        )
+        n *= np.sign((n * (middle - beside.positions.mean(axis=0))).sum(axis=1, keepdims=True))
+        column, row = np.clip(view.pixels(middle), 0, [view.width - 1, view.height - 1]).astype(int).T
+        seen = (photo.mask[row, column] > 0.5) & ((n * middle).sum(axis=1) < 0)
+        shown, lit = radiance_at(photo, row, column), self.irradiance(n)
+        mean = [of[seen].mean(axis=0) if seen.any() else np.zeros(3) for of in (shown, lit)]
+        self.real_colors = np.where(seen[:, None], shown, lit * mean[0] / np.maximum(mean[1], 1e-9))
+        facing = ((self.spot.foot - middle) * n).sum(axis=1) > 0
+        self.real_sent = self.real_colors[facing].mean(axis=0, keepdims=True) if facing.any() else self.real_sent
 
-    def open_shares(self, at: np.ndarray, directions: np.ndarray) -> list[Float[np.ndarray, "P D"]]:
-        """Return how much light passes the object itself to its points, and how much the real one."""
-        shares = [open_shares(body, at, directions).T for body in (self.own, self.real) if body is not None]
-        return shares if len(shares) == 2 else [*shares, np.ones_like(shares[0])]
+    def irradiance(self, n: np.ndarray) -> Float[np.ndarray, "N 3"]:
+        """Return the irradiance of the light on sides of normals n [N, 3]."""
+        return bilinear(irradiance_map(reduced(self.light, MAP_HEIGHT)), direction_to_uv(n.astype(np.float32)))
+
+    def off(self, points: Points, distance: float = OFF_SURFACE) -> Float[np.ndarray, "P 3"]:
+        """Return where points look from, off the surface."""
+        return points.at + distance * self.own.cell.max() * points.n
+
+    def open_shares(self, points: Points, directions: np.ndarray, power: np.ndarray) -> list[Float[np.ndarray, "P D"]]:
+        """Return how much light passes the object itself to its points, and how much the real one.
+
+        power: [D, 3], radiance times solid angle of each direction; STRONG ones cast sharp shadows.
+        """
+        sharp = luminance(power) > STRONG * luminance(integral(self.light))
+        shares = [np.ones((len(points.at), len(directions)), np.float32) for _ in range(2)]
+        for share, mesh, body in zip(shares, (self.spot.mesh, self.beside), (self.own, self.real), strict=True):
+            if mesh is not None and body is not None:
+                share[:, sharp] = sharp_shares(mesh, self.off(points, OFF_SHARP), directions[sharp]).T
+                share[:, ~sharp] = open_shares(body, self.off(points), directions[~sharp]).T
+        return shares
 
     def nearer_ground(self, points: Points) -> Float[np.ndarray, "P 3"]:
         """Return the diffuse light over pi that the map misses at each point, mostly less than nothing."""
@@ -123,7 +175,7 @@ class Surroundings:
         return below, self.ground.at(landed) * self.shadow.at(landed)
 
     def remaining(
-        self, points: Points, at: np.ndarray
+        self, points: Points
     ) -> tuple[Float[np.ndarray, "P 3"], Float[np.ndarray, "P 1"], Float[np.ndarray, "P 3"]]:
         """Return the share of the light's irradiance that reaches points, the share of an even one that the object
         hides itself, and the light over pi of the real object."""
@@ -134,23 +186,28 @@ class Surroundings:
         directions = np.concatenate([around, pyramid.emitters])
         power = np.concatenate([rest * each, pyramid.emitter_power])
         cosine = np.maximum(points.n @ directions.T.astype(np.float32), 0.0)
-        own, real = self.open_shares(at, directions)
+        own, real = self.open_shares(points, directions, power)
         share = (cosine * own * real @ power) / np.maximum(cosine @ power, 1e-9)
         by_own, by_real = (
             (cosine * hidden)[:, :DIRECTIONS].sum(axis=1, keepdims=True) * each / np.pi
             for hidden in (1.0 - own, own * (1.0 - real))
         )
-        return share, by_own, by_real * self.real_colors.mean(axis=0)
+        return share, by_own, by_real * self.real_sent
 
     def coat(
-        self, points: Points, at: np.ndarray, material: Material, open_share: np.ndarray
-    ) -> tuple[Float[np.ndarray, "P 3"], Float[np.ndarray, "P 3"]]:
-        """Return the share of what the coat reflects that no body hides, and what it reflects of both and of the near
-        ground, more than of the map."""
+        self, points: Points, side: int, material: Material, open_share: np.ndarray
+    ) -> tuple[Float[np.ndarray, "P 3"], Float[np.ndarray, "P 3"], Float[np.ndarray, "P 3"]]:
+        """Return what the coat reflects of the map where no body hides it, of all of it, and of both bodies and the
+        near ground, more than of the map. Squares of points of this side share the rays."""
         pyramid = shading_pyramid(self.light, material.alpha)
         n, wo, alpha = points.n, points.wo, material.alpha
-        wi, pdf, weight, grazing, _ = lobe_samples(n, wo, alpha, hammersley(LOBE_RAYS))
-        rays, starts = np.stack(wi, axis=-1).reshape(-1, 3), np.repeat(at, LOBE_RAYS, axis=0)
+        u, each = hammersley(LOBE_RAYS), LOBE_RAYS // side**2
+        wi, (pdf, weight, grazing) = np.empty((3, len(n), each)), np.empty((3, len(n), each))
+        for k, some in enumerate(points.interleaved(side)):
+            wi[:, some], pdf[some], weight[some], grazing[some], _ = lobe_samples(
+                n[some], wo[some], alpha, u[k :: side**2]
+            )
+        rays, starts = np.moveaxis(wi, 0, -1).reshape(-1, 3), np.repeat(self.off(points), each, axis=0)
         of_map = _looked_up(pyramid, rays, lobe_lod(pdf, LOBE_RAYS, pyramid).ravel())
         more = np.zeros_like(of_map)
         below, seen = self._ground_along(starts, rays)
@@ -159,7 +216,10 @@ class Surroundings:
         for body in (self.real, self.own):  # the latter is the nearer
             if body is not None:
                 faces = first_faces(body, starts[out], rays[out])
-                hit, faces = out[faces >= 0], faces[faces >= 0]
+                met = faces >= 0
+                if body is self.own:  # a face seen from behind is the one that the ray left, in a cell next to it
+                    met &= (self.normals[faces] * rays[out]).sum(axis=1) < 0
+                hit, faces = out[met], faces[met]
                 hidden[hit] = True
                 if body is self.real:
                     more[hit] = self.real_colors[faces]
@@ -174,22 +234,26 @@ class Surroundings:
                 terms = [one + other for one, other in zip(terms, lit, strict=True)]
             return material.f0 * terms[0] + (1.0 - material.f0) * terms[1]
 
-        own, real = self.open_shares(at, pyramid.emitters)
+        own, real = self.open_shares(points, pyramid.emitters, pyramid.emitter_power)
         kept = reflected(np.where(hidden[:, None], 0.0, of_map), own * real)
-        return kept / np.maximum(reflected(of_map, 1.0), 1e-9), reflected(more)
+        return kept, reflected(of_map, 1.0), reflected(more)
 
     def _sent(
         self, faces: np.ndarray, rays: np.ndarray, pyramid: Pyramid, material: Material, open_share: np.ndarray
     ) -> Float[np.ndarray, "N 3"]:
         """Return what faces of the object send against rays [N, 3] that meet them, open_share [3] of the light on them
         left."""
-        n = normalize(self.spot.mesh.normals[faces].mean(axis=1))
-        n *= np.where((n * rays).sum(axis=1, keepdims=True) > 0, -1.0, 1.0)
+        n = self.normals[faces]
         lod = lobe_lod(np.full(len(n), ggx_distribution(1.0, material.alpha) / 4), 1, pyramid)
         fresnel = material.f0 + (1.0 - material.f0) * schlick_weight(-(n * rays).sum(axis=1))[:, None]
-        irradiance = bilinear(irradiance_map(reduced(self.light, MAP_HEIGHT)), direction_to_uv(n)) * open_share
-        base = material.albedo * (1.0 - material.f0) * irradiance / np.pi
-        return base + fresnel * _looked_up(pyramid, reflect(-rays, n), lod)
+        base = material.albedo * (1.0 - material.f0) * self.irradiance(n) * open_share / np.pi
+        middle = self.spot.mesh.positions[self.spot.mesh.faces[faces]].mean(axis=1)
+        own, real = self.open_shares(
+            Points(mask=faces >= 0, at=middle, n=n, wo=-rays), pyramid.emitters, pyramid.emitter_power
+        )
+        lit = emitters_specular(pyramid, n, -rays, material.alpha, own * real)[1:]
+        of_emitters = material.f0 * lit[0] + (1.0 - material.f0) * lit[1]
+        return base + fresnel * _looked_up(pyramid, reflect(-rays, n), lod) + of_emitters
 
 
 def _looked_up(pyramid: Pyramid, directions: np.ndarray, lod: np.ndarray) -> Float[np.ndarray, "N 3"]:
@@ -206,22 +270,24 @@ def draw_on_ground(
     """
     mesh, size = around.spot.mesh, camera.size
     drawn = draw_mesh(mesh, camera, around.lit, material, **finer)
-    points = Points.seen(mesh, camera, COARSE)
+    points = Points.seen(mesh, camera, min(size, COARSE))
     if not len(points.at):
         return drawn
-    at = points.at + OFF_SURFACE * around.own.cell.max() * points.n
     base, open_share = np.zeros_like(drawn[..., :3]), np.ones(3)
     if np.any(material.albedo):
         reflected = material.albedo * (1.0 - material.f0)
         coat = draw_mesh(mesh, camera, around.lit, replace(material, albedo=np.zeros(3)), **finer)
-        near = Points.seen(mesh, camera, COARSER)
+        near = Points.seen(mesh, camera, min(size, COARSER))
         base = drawn[..., :3] - coat[..., :3] + near.picture(reflected * around.nearer_ground(near), size)
-        remaining, hidden, of_real = around.remaining(points, at)
+        remaining, hidden, of_real = around.remaining(points)
         base = np.maximum(base, 0.0) * points.picture(remaining, size)
         again = reflected * (base + coat[..., :3])[drawn[..., 3] > 0].mean(axis=0)
         base += points.picture(hidden * again + reflected * of_real, size)
         drawn, open_share = coat, remaining.mean(axis=0)
-    share, more = (points.picture(one, size) for one in around.coat(points, at, material, open_share))
-    drawn[..., :3] = base + np.maximum(drawn[..., :3] * share + more, 0.0)
+    side = 2 if material.alpha < PATCHES[-1][0] else 1  # a wider lobe hardly resolves pixels
+    points = Points.seen(mesh, camera, side * points.mask.shape[0]) if side > 1 else points
+    terms = around.coat(points, side, material, open_share)
+    kept, whole, more = (points.picture(one, size, side) for one in terms)
+    drawn[..., :3] = base + np.maximum(drawn[..., :3] * kept / np.maximum(whole, 1e-9) + more, 0.0)
     drawn[..., :3] *= drawn[..., 3:] > 0
     return drawn

@@ -123,13 +123,22 @@ def open_shares(
         for k in range(SIDE)[::sign]:
             row, column = shifts[k] - first
             np.copyto(nearest[row : row + SIDE, column : column + SIDE], sign * (k + 0.5), where=slabs[k])
-        depth = sign * at[:, axis] + CLEAR
         place = at[:, across] - slope.astype(np.float32) * at[:, axis, None] - first - 0.5
-        place = np.clip(place, 0, np.array(nearest.shape) - 1.001)
-        corner = place.astype(int)
-        (y, x), (row, column) = (place - corner).T, corner.T
-        upper, lower = (
-            (nearest[r, column] <= depth) * (1 - x) + (nearest[r, column + 1] <= depth) * x for r in (row, row + 1)
-        )
-        share[:] = upper * (1 - y) + lower * y
+        share[:] = passed(nearest, place, sign * at[:, axis] + CLEAR)
     return result
+
+
+def passed(
+    nearest: Float[np.ndarray, "H W"], place: Float[np.ndarray, "P 2"], depth: Float[np.ndarray, " P"]
+) -> Float[np.ndarray, " P"]:
+    """Return how much light passes what is nearest to it, 0 to 1, linear between the pixels.
+
+    nearest: depth towards the light, -inf where there is nothing, which the border must be. place: row and column.
+    """
+    place = np.clip(place, 0, np.array(nearest.shape) - 1.001)
+    corner = place.astype(int)
+    (y, x), (row, column) = (place - corner).T, corner.T
+    upper, lower = (
+        (nearest[r, column] <= depth) * (1 - x) + (nearest[r, column + 1] <= depth) * x for r in (row, row + 1)
+    )
+    return upper * (1 - y) + lower * y
