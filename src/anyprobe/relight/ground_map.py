@@ -14,7 +14,7 @@ from PIL import Image, ImageFilter
 from anyprobe.core.color import luminance
 from anyprobe.core.frames import orthonormal_basis
 from anyprobe.core.latlong import bilinear, direction_to_uv, uv_to_direction
-from anyprobe.core.response import inverse_response
+from anyprobe.core.response import inverse_response, response
 from anyprobe.estimate.photo import Photo
 from anyprobe.relight.ground_view import View
 from anyprobe.relight.placement import Placement
@@ -69,14 +69,20 @@ def hides_shadows(photo: Photo, view: View, spot: Placement) -> bool:
     angle = np.linspace(0, 2 * np.pi, RING_POINTS, endpoint=False)
     around = np.cos(angle)[:, None] * side + np.sin(angle)[:, None] * across
     points = spot.foot + spot.radius * np.concatenate([radius * around for radius in RING_RADII])
+    seen = seen_ground(photo, view, points)
+    shown = luminance(response(seen[np.isfinite(seen).all(axis=-1)]))
+    return len(shown) > 0 and bool(np.median(shown) < DARK_GROUND)
+
+
+def seen_ground(photo: Photo, view: View, points: np.ndarray) -> np.ndarray:
+    """Return linear radiance [P, 3] of points of the ground; NaN where the photo does not show them."""
     column, row = np.floor(view.pixels(points)).T
-    inside = (column >= 0) & (column < view.width) & (row >= 0) & (row < view.height)
-    column, row = column[inside].astype(int), row[inside].astype(int)
-    ground = photo.mask[row, column] < 0.5
+    seen = (column >= 0) & (column < view.width) & (row >= 0) & (row < view.height) & (points[:, 2] < 0)
+    column, row = (np.where(seen, of, 0).astype(int) for of in (column, row))
+    seen &= photo.mask[row, column] < 0.5
     if photo.hidden is not None:
-        ground &= ~photo.hidden[row, column]
-    seen = luminance(photo.rgb[row, column][ground])
-    return len(seen) > 0 and bool(np.median(seen) < DARK_GROUND)
+        seen &= ~photo.hidden[row, column]
+    return np.where(seen[:, None], radiance_at(photo, row, column), np.nan)
 
 
 def radiance_at(photo: Photo, row: np.ndarray, column: np.ndarray) -> np.ndarray:

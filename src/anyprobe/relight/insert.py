@@ -20,7 +20,7 @@ from anyprobe.estimate.photo import Photo
 from anyprobe.notices import Notice, give
 from anyprobe.relight.appearance import material_from_photo
 from anyprobe.relight.camera_look import DRAWN_BLUR, CameraLook, blurred, grain_over, look_of
-from anyprobe.relight.ground_map import GroundPicture, hides_shadows
+from anyprobe.relight.ground_map import GroundPicture, hides_shadows, seen_ground
 from anyprobe.relight.ground_view import View, view_of
 from anyprobe.relight.near_ground import Surroundings, draw_on_ground
 from anyprobe.relight.placement import Placement, Side, check_foot, place_beside
@@ -179,7 +179,10 @@ def lay_object_over(
 
 
 def mean_radiance(drawn: np.ndarray) -> np.ndarray:
-    """Return the mean radiance [3] of a drawn object [S, S, 4], highlights as white."""
+    """Return the mean radiance [3] of a drawn object's lower half, which the ground sees, [S, S, 4]; highlights as
+    white."""
+    rows = np.flatnonzero(drawn[..., 3].any(axis=1))
+    drawn = drawn[int(rows.mean()) if len(rows) else 0 :]
     coverage = drawn[..., 3:]
     return (np.minimum(drawn[..., :3], 1.0) * coverage).sum(axis=(0, 1)) / max(float(coverage.sum()), 1e-6)
 
@@ -244,6 +247,8 @@ class Stage:
             raise InputError("the photo shows nothing of the object there; choose another place", subject="at")
         self.window: ObjectWindow = window
         self.look: CameraLook = look_of(photo)
+        self.shows_ground: bool = photo.shows_place and photo.plate() is not None
+        """Whether the photo is no cut-out, so that its ground shows the real object's shadow."""
         self.stops_down = 0.0
         """Most that a material drawn so far was exposed down, so that it is not white all over."""
 
@@ -277,9 +282,13 @@ class Stage:
         return other
 
     def shadow(self, radiance: np.ndarray, count: int = NUM_DIRECTIONS, grid: int = SHADOW_CELLS) -> GroundShadow:
-        """Return the object's shadow under a map [H, 2H, 3] of the camera's frame, of light the real one lets pass."""
+        """Return the object's shadow under a map [H, 2H, 3] of the camera's frame, of light the real one lets pass, and
+        as deep as the real one's where the photo shows that."""
         spot, beside = self.placement, self._real()
-        return GroundShadow(spot.mesh, spot.foot, spot.radius, self.view.up, radiance, count, grid, beside=beside)
+        shadow = GroundShadow(spot.mesh, spot.foot, spot.radius, self.view.up, radiance, count, grid, beside=beside)
+        if not self.shows_ground:
+            return shadow
+        return shadow.as_seen(seen_ground(self.photo, self.view, shadow.points()))
 
     def _real(self) -> Mesh | None:
         return real_body(self.photo, self.view, self.placement)

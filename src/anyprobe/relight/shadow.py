@@ -44,6 +44,14 @@ irradiance."""
 LEAST_LIT = 0.02
 """Smallest share of the light that must reach the ground past what stands beside the object: none of less is lost."""
 
+SHADED, LIT, LEAST_SEEN = 0.4, 0.1, 0.005
+"""Shares of the light lost beyond which ground is in the shadow of what stands beside, and below which it is not; and
+the share of the cells of either that must be seen."""
+DEEP = 0.25
+"""Quantile of the shaded cells that counts: some of them are beside the shadow that is seen."""
+DEPTHS = 0.5, 1.5
+"""Bounds of how deep a shadow is seen to be, over how deep it should be."""
+
 
 def sample_sky(radiance: np.ndarray, up: np.ndarray, count: int = NUM_DIRECTIONS) -> tuple[np.ndarray, np.ndarray]:
     """Draw directions above the ground with density L cos.
@@ -51,7 +59,7 @@ def sample_sky(radiance: np.ndarray, up: np.ndarray, count: int = NUM_DIRECTIONS
     Args:
         radiance: [H, 2H, 3]. up: [3], in the map's frame.
     Returns:
-        directions: [N, 3]. weights: [N, 3], each direction's share of the ground's irradiance in each
+        directions: [N, 3], each once. weights: [N, 3], each direction's share of the ground's irradiance in each
         channel; they sum to 1, or to 0 where a channel is black.
     """
     radiance = reduced(radiance)
@@ -74,8 +82,10 @@ def sample_sky(radiance: np.ndarray, up: np.ndarray, count: int = NUM_DIRECTIONS
         [np.searchsorted(sums, x * sums[-1], side="right") for sums, x in zip(columns, numbers[:, 1], strict=True)]
     )
     row, column = np.minimum(row, len(v) - 1), np.minimum(column, len(u) - 1)
+    drawn, times = np.unique(row * len(u) + column, return_counts=True)  # a sun's pixel is drawn many times
+    row, column = np.divmod(drawn, len(u))
     color = light[row, column].astype(np.float64)
-    weights = color / luminance(color)[:, None]
+    weights = color * (times / luminance(color))[:, None]
     return d[row, column], weights / np.maximum(weights.sum(axis=0), 1e-12)
 
 
@@ -110,9 +120,12 @@ class GroundShadow:
         relative = [body.positions - self.foot for body in bodies]
         height = [points @ self.up for points in relative]
         remaining, reached = np.ones((2, self.grid * self.grid, 3))
-        for direction, weight in zip(*sample_sky(radiance, self.up, count), strict=True):
+        directions, weights = sample_sky(radiance, self.up, count)
+        golden = np.arange(len(directions)) * (5**0.5 - 1) / 2
+        within_cell = np.stack([golden % 1, hammersley(len(directions))[:, 1]], axis=-1) - 0.5  # else edges are stairs
+        for direction, weight, shift in zip(directions, weights, within_cell, strict=True):
             own, *others = (
-                self._covered(points - (high / (direction @ self.up))[:, None] * direction, body.faces)
+                self._covered(points - (high / (direction @ self.up))[:, None] * direction, body.faces, shift)
                 for points, high, body in zip(relative, height, bodies, strict=True)
             )
             kept = others[0] if others else np.zeros_like(own)
@@ -120,12 +133,36 @@ class GroundShadow:
             remaining[own | kept] -= weight
         unshadowed = (remaining / np.maximum(reached, LEAST_LIT)).reshape(self.grid, self.grid, 3)
         unshadowed[(reached < LEAST_LIT).reshape(unshadowed.shape)] = 1.0
+        self.reached = reached  # [G * G, 3]
         return 1.0 - (1.0 - np.clip(unshadowed, 0.0, 1.0)) * self._inward()
 
     def _inward(self) -> np.ndarray:
         """Return weights [G, G, 1] that fade at the edge."""
         at = np.abs((np.arange(self.grid) + 0.5) / self.grid * 2 - 1)
         return np.clip((1 - np.maximum.outer(at, at)) / (1 - FADE), 0.0, 1.0)[..., None]
+
+    def points(self) -> np.ndarray:
+        """Return the middles of the cells, [G * G, 3]."""
+        x = ((np.arange(self.grid) + 0.5) / self.grid * 2 - 1) * self.reach
+        return (self.foot + x[None, :, None] * self.side + x[:, None, None] * self.across).reshape(-1, 3)
+
+    def as_seen(self, seen: np.ndarray) -> GroundShadow:
+        """Return the shadow with the depth and colour that the shadow of what stands beside is seen to have.
+
+        seen: radiance of the ground at points(), [G * G, 3], NaN where it is not seen.
+        """
+        lost, known = 1.0 - luminance(self.reached), np.isfinite(seen).all(axis=-1)
+        shaded, lit = known & (lost > SHADED), known & (lost < LIT)
+        if min(shaded.sum(), lit.sum()) < LEAST_SEEN * len(lost):
+            return self
+        left, expected = (
+            np.quantile(of[shaded], DEEP, axis=0) / np.maximum(np.median(of[lit], axis=0), 1e-3)
+            for of in (seen, self.reached)
+        )
+        other = copy(self)
+        depth = np.clip((1.0 - left) / np.maximum(1.0 - expected, 1e-3), *DEPTHS)
+        other.ratio = np.maximum(1.0 - depth * (1.0 - self.ratio), 0.0)
+        return other
 
     def with_light(self, sent: np.ndarray) -> GroundShadow:
         """Return the shadow on a ground that the mesh lights, too, by radiance `sent` [3] from all of its sides.
@@ -146,10 +183,11 @@ class GroundShadow:
         larger = resample(hidden.reshape(BACK_CELLS, BACK_CELLS), (self.grid, self.grid), smooth=True)
         return larger[..., None] * self._inward()
 
-    def _covered(self, relative: np.ndarray, faces: np.ndarray) -> np.ndarray:
-        """Return the cells [G * G] of the grid whose centres triangles cover, their corners relative to the foot."""
+    def _covered(self, relative: np.ndarray, faces: np.ndarray, shift: np.ndarray) -> np.ndarray:
+        """Return the cells [G * G] that triangles cover at a shift [2] from their centres; corners relative to the
+        foot."""
         covered = np.zeros(self.grid * self.grid, bool)
-        covered[cover(self._cells(relative)[faces], self.grid)[2]] = True
+        covered[cover((self._cells(relative) - shift)[faces], self.grid)[2]] = True
         return covered
 
     def _cells(self, relative: np.ndarray) -> np.ndarray:
