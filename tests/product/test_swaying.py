@@ -14,12 +14,11 @@ pytestmark = pytest.mark.ci
 SHORT = """
 import numpy as np, swaying, swaying_light as benchmark
 from anyprobe.estimate.estimator import Estimator
-from anyprobe.video import following, held_mask
+from anyprobe.video import held_mask
 swaying.SECONDS = 1.2
 if {still_mask}:
     held_mask.locate_key = lambda key, picture, start, offset: held_mask.Registered(
         motion=start, alike=1.0, inside=1.0, error_px=0.0)
-    following.EVERY = 100
 cutout = swaying.read_cutouts(None)[0]
 frames = list(swaying.frames(cutout, "bright wall", 1.2))
 benchmark.frames = lambda *asked: iter(frames)

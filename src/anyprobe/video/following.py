@@ -17,13 +17,13 @@ from anyprobe.estimate.surroundings import GivenPanorama, SurroundingsSource, re
 from anyprobe.files.paths import visible_files
 from anyprobe.inputs.hints import AUTO, NONE, PHOTO
 from anyprobe.masks.check import object_box
-from anyprobe.masks.networks import Network, SmallNetwork, load_network, shared_network
+from anyprobe.masks.networks import Network, load_network, shared_network
 from anyprobe.masks.parts import grow
 from anyprobe.masks.search import MARGIN, Looks, Prompts, choose
 from anyprobe.notices import give
 from anyprobe.pictures.images import read_image
 from anyprobe.video.clip import Frame
-from anyprobe.video.held_mask import EVERY, EVERY_SURE, MOST_CHANGE, Held, follow, found_in, hold, lit_mask, mask_in
+from anyprobe.video.held_mask import MOST_CHANGE, Held, follow, found_in, hold, lit_mask, mask_in
 from anyprobe.video.track import digest_of
 
 GROWTH = 0.08
@@ -189,10 +189,7 @@ class MaskFollower:
             found = found_in(held, rgb)
             if found is not None and found.is_sure:
                 self._before = None if held is self._before else self._before
-                every = EVERY if isinstance(self.segmenter or shared_network(), SmallNetwork) else EVERY_SURE
-                self.held = follow(
-                    held, rgb, found, lambda mask: _looked_for(rgb, _last_of(mask), self.segmenter), every
-                )
+                self.held = follow(held, rgb, found)
                 return self.held
         mask = _looked_for(rgb, self.last, self.segmenter)
         if mask is None:

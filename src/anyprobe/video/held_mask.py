@@ -1,14 +1,9 @@
 """Hold an object's mask in the picture in which it was found, the key, and move it with the object to later frames.
 
-**In every frame** the object is registered (video.registration) against the key, starting where it lay in the last one;
-the mask is the key's, moved. If that is unsure, the mask is found anew in the frame, which becomes the key; if the next
-frame fits the key before, the frame between was odd, and that key is restored.
-
-**A mask found anew**, after EVERY frames, then at intervals that double with each find that agrees up to EVERY_SURE,
-is moved back to the key. Where its IoU with the mask there is AGREES or more, the mask becomes the mean of it and what
-was found before, MOST finds at most. Where it is less, it counts for nothing unless PATIENCE finds in a row,
-EVERY_REFUSED frames apart, are as alike to each other: then the last becomes the mask. One of MOST_CHANGE times the
-mask's pixels, or so much fewer, is another object's and counts for nothing at all.
+**In every frame** the object is registered (video.registration) against the key, starting where it lay in the last
+one; the mask is the key's, moved. While it is followed it is not searched again: each search finds a slightly different
+mask, and the light would drift with it. If it is unsure, the mask is found anew in the frame, which becomes the key; if
+the next frame fits the key before, the frame between was odd, and that key is restored.
 
 **The key is replaced** by a frame in which it is found but is less alike than FADED.
 
@@ -22,7 +17,6 @@ error that registration expects of itself, at most NARROW_MOST pixels: its edge 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,39 +24,32 @@ from PIL import Image
 
 from anyprobe.core.contract import contract
 from anyprobe.masks.check import object_box
-from anyprobe.masks.search import Window, iou
+from anyprobe.masks.search import Window
 from anyprobe.video.registration import SEARCH_REACH, Key, Motion, Registered, begin_key, locate_key, luma
 
 NUMBERS = contract("held_mask")
-EVERY, EVERY_SURE, EVERY_REFUSED = NUMBERS["every"], NUMBERS["every_sure"], NUMBERS["every_refused"]
-PATIENCE = NUMBERS["patience"]
-AGREES, MOST, FADED = NUMBERS["agrees"], NUMBERS["most"], NUMBERS["faded"]
+FADED: float = NUMBERS["faded"]
 NARROW, NARROW_ERROR, NARROW_MOST = NUMBERS["narrow"], NUMBERS["narrow_error"], NUMBERS["narrow_most"]
 MOST_CHANGE: float = NUMBERS["most_change"]
 REMEMBERED, TIMES, MORE = NUMBERS["remembered"], NUMBERS["other_light"]["times"], NUMBERS["other_light"]["more"]
 ROOM = NUMBERS["room"]
-"""Margin of the key's window, in longer sides of the object; a mask found anew is cut there."""
+"""Margin of the key's window, in longer sides of the object."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Held:
     """A mask and the picture in which it is held, the key.
 
-    offset: x, y of the first pixel of the key's window. cover: what is held there, [h, w], the mean of `finds` masks.
-    motion: of the object from the key to the last frame, error_px: what is expected to be wrong of it.
-    age: frames since a mask was last searched. refused: finds in a row that did not agree; other: the last of them.
+    offset: x, y of the first pixel of the key's window. cover: what is held there, [h, w]. motion: of the object from
+    the key to the last frame, error_px: its expected error.
     unlike: 1 - alike of the last frames. looks_same: whether the last frame's object looks as in those before.
     """
 
     offset: tuple[int, int]
     cover: np.ndarray
     key: Key
-    finds: int = 1
     motion: Motion = Motion()
     error_px: float = 0.0
-    age: int = 0
-    refused: int = 0
-    other: np.ndarray | None = None
     unlike: tuple[float, ...] = ()
     looks_same: bool = False
 
@@ -88,51 +75,24 @@ def found_in(held: Held, rgb: np.ndarray) -> Registered:
     return locate_key(held.key, picture, held.motion, (window.x0, window.y0))
 
 
-def follow(
-    held: Held, rgb: np.ndarray, found: Registered, find: Callable[[np.ndarray], np.ndarray | None], every: int = EVERY
-) -> Held:
-    """Return the state after one more frame, in which the object was surely `found`.
-
-    find: finds a mask [H, W] of the frame, given the present one; None if there is none. every: frames until the
-    first search.
-    """
+def follow(held: Held, rgb: np.ndarray, found: Registered) -> Held:
+    """Return the state after one more frame, in which the object was surely `found`."""
     usual = float(np.median(held.unlike)) if held.unlike else 1.0 - found.alike
-    held = replace(
+    now = replace(
         held,
         motion=found.motion,
         error_px=found.error_px,
-        age=held.age + 1,
         unlike=(*held.unlike, 1.0 - found.alike)[-REMEMBERED:],
         looks_same=_is_like(1.0 - found.alike, usual),
     )
-    if held.age >= (EVERY_REFUSED if held.refused else min(every * 2 ** (held.finds - 1), EVERY_SURE)):
-        held = _looked(held, rgb, find(mask_in(held, rgb.shape)))
-    if found.alike < FADED:
-        newer = hold(rgb, mask_in(held, rgb.shape))
-        other = None if held.other is None else _carried(held, held.other, newer)
-        held = replace(held, offset=newer.offset, cover=newer.cover, key=newer.key, motion=newer.motion, other=other)
-    return held
+    if found.alike >= FADED:
+        return now
+    newer = hold(rgb, mask_in(now, rgb.shape))
+    return replace(now, offset=newer.offset, cover=newer.cover, key=newer.key, motion=newer.motion)
 
 
 def _is_like(one: float, other: float) -> bool:
     return max(one, other) <= TIMES * min(one, other) + MORE
-
-
-def _looked(held: Held, rgb: np.ndarray, mask: np.ndarray | None) -> Held:
-    """Return the state after a search for a mask."""
-    held = replace(held, age=0)
-    if mask is None:
-        return held
-    there = _in_key(held, mask)
-    if not 1 / MOST_CHANGE < float(there.sum()) / float(held.cover.sum()) < MOST_CHANGE:
-        return held
-    if iou(held.cover > 0.5, there > 0.5) >= AGREES:
-        share = np.float32(1.0 / min(held.finds + 1, MOST))
-        cover = held.cover + share * (there - held.cover)
-        return replace(held, cover=cover, finds=held.finds + 1, refused=0, other=None)
-    stays = held.other is not None and iou(held.other > 0.5, there > 0.5) >= AGREES
-    refused = held.refused + 1 if stays else 1
-    return hold(rgb, mask) if refused >= PATIENCE else replace(held, refused=refused, other=there)
 
 
 def mask_in(held: Held, shape: tuple[int, ...], cover: np.ndarray | None = None) -> np.ndarray:
@@ -181,21 +141,6 @@ def _least(cover: np.ndarray) -> np.ndarray:
     """Return the minimum of each pixel and its four neighbours, zero beyond the border."""
     wide = np.pad(cover, 1)
     return np.minimum.reduce([cover, wide[:-2, 1:-1], wide[2:, 1:-1], wide[1:-1, :-2], wide[1:-1, 2:]])
-
-
-def _in_key(held: Held, mask: np.ndarray) -> np.ndarray:
-    """Return a mask of the last frame in the key's window, [h, w] float32."""
-    height, width = held.cover.shape
-    key, motion = held.key, held.motion
-    first = motion.matrix() @ (held.offset - key.center) + key.center + (motion.x, motion.y)
-    return _turned(mask, motion.matrix(), first, width, height)
-
-
-def _carried(held: Held, cover: np.ndarray, to: Held) -> np.ndarray:
-    """Return a cover of one key's window in the window of the frame to which it was last moved."""
-    height, width = to.cover.shape
-    shape = to.offset[1] + height, to.offset[0] + width
-    return mask_in(held, shape, cover)[to.offset[1] :, to.offset[0] :]
 
 
 def _box(held: Held) -> tuple[float, float, float, float]:
