@@ -57,7 +57,7 @@ def test_the_page_says_each_in_its_words(tmp_path):
 
 def case(wrong: Wrong, in_browser: bool) -> dict[str, Any]:
     """One input as the browser has it, what Python says of it, and the server's answer."""
-    from anyprobe.serve.problems import problem
+    from anyprobe.serve.answers import problem
 
     with pytest.raises(anyprobe.AnyprobeError) as error:
         anyprobe.estimate(wrong.photo, **wrong.given)

@@ -66,7 +66,7 @@ def client(estimator):
 
 @pytest.mark.parametrize("name", [name for name, wrong in TABLE.items() if "http" in wrong.doors])
 def test_http(name, client):
-    from anyprobe.serve.problems import FIELDS, MEDIA_TYPE
+    from anyprobe.serve.answers import FIELDS, PROBLEM
 
     wrong = TABLE[name]
     files = {"photo": ("photo.png", wrong.photo)}
@@ -74,7 +74,7 @@ def test_http(name, client):
     texts = {FIELDS.name(key): text_of(value) for key, value in wrong.given.items() if not isinstance(value, bytes)}
     answer = client.post("/v1/estimate", files=files, data=texts)
     body = answer.json()
-    assert (answer.status_code, answer.headers["content-type"]) == (422, MEDIA_TYPE)
+    assert (answer.status_code, answer.headers["content-type"]) == (422, PROBLEM)
     assert (body["code"], body["status"]) == (wrong.code, 422)
     assert body.get("subject", []) == [FIELDS.name(key) for key in wrong.subject]
     assert [one["name"] for one in body.get("remedy", [])] == [FIELDS.name(key) for key in wrong.remedy]

@@ -45,7 +45,7 @@ def test_the_command_line_names_options_and_leaves_file_names_alone():
 
 @pytest.mark.parametrize("name", HINTS)
 def test_every_door_names_every_hint(name):
-    problems = pytest.importorskip("anyprobe.serve.problems", reason="needs the serve extra", exc_type=ImportError)
+    problems = pytest.importorskip("anyprobe.serve.answers", reason="needs the serve extra", exc_type=ImportError)
     for words, shown in (
         (PYTHON, f"pass {name}="),
         (OPTIONS, f"pass --{HINTS[name].name} "),

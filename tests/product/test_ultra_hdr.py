@@ -10,8 +10,8 @@ import pytest
 from PIL import Image
 
 from anyprobe.export.targets import export
+from anyprobe.pictures.file_parts import jpeg_pictures
 from anyprobe.pictures.gain_map import find_gain_map
-from anyprobe.pictures.jpeg_parts import jpeg_pictures
 from anyprobe.pictures.ultra_hdr import write_ultra_hdr
 
 

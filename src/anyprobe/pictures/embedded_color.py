@@ -25,7 +25,7 @@ from anyprobe.pictures.color_encoding import (
     outside_share,
     to_display,
 )
-from anyprobe.pictures.heif_boxes import iso_boxes
+from anyprobe.pictures.file_parts import iso_boxes
 from anyprobe.pictures.icc import converted, encoding_of
 
 BOX_BYTES = 1 << 20

@@ -13,8 +13,7 @@ from PIL.TiffImagePlugin import TiffImageFile
 
 from anyprobe.errors import InvalidPhoto, MissingExtra
 from anyprobe.notices import CHOOSE_PHOTO, USE_VIDEO, Remedy
-from anyprobe.pictures.heif_boxes import iso_boxes
-from anyprobe.pictures.jpeg_parts import markers
+from anyprobe.pictures.file_parts import iso_boxes, markers
 
 MAX_PIXELS = 100_000_000
 """Largest number of pixels of a photo that is decoded; checked in the header first."""

@@ -18,7 +18,7 @@ from PIL import Image
 from anyprobe.core.color import to_bytes
 from anyprobe.files.atomic import atomic_path
 from anyprobe.pictures.color_encoding import linear_to_srgb
-from anyprobe.pictures.jpeg_parts import XMP
+from anyprobe.pictures.file_parts import XMP
 
 QUALITY, GAIN_QUALITY = 95, 98
 """Qualities of both JPEG pictures."""

@@ -1,4 +1,4 @@
-"""Responses with a light: JSON, or a map in the requested format."""
+"""Responses: a light as JSON or as a map in the requested format, and errors as problem details (RFC 9457)."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import base64
 import io
 import tempfile
 import zipfile
+from collections.abc import Mapping
+from http import HTTPStatus
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +20,10 @@ from anyprobe import session
 from anyprobe.core.color import to_bytes
 from anyprobe.estimate.photo import Photo
 from anyprobe.estimate.result import Light
+from anyprobe.inputs.hints import HINTS
 from anyprobe.masks.check import object_box
-from anyprobe.notices import Notice
+from anyprobe.notices import Notice, Words
 from anyprobe.pictures.images import png_bytes
-from anyprobe.serve.problems import FIELDS, notice_json
 
 JSON = "application/json"
 
@@ -29,6 +31,23 @@ LIGHT_TYPES = {JSON: "json", "image/x-exr": "exr", "image/aces": "exr", "image/v
 """Media types that a light is available in, best first, with the suffix that each is written under."""
 
 MASK_TYPES = {"image/png": "png", JSON: "json"}
+
+
+PROBLEM = "application/problem+json"
+
+_NAMES = {"type": "array", "items": {"type": "string"}}
+_REMEDY = {"do": {"enum": ["give", "leave out", "run"]}, "name": {"type": "string"}, "value": {"type": "string"}}
+PROBLEM_SCHEMA = {
+    "type": "object",
+    "properties": {
+        **{name: {"type": "string"} for name in ("type", "title", "detail", "code", "text")},
+        "status": {"type": "integer"},
+        "subject": {**_NAMES, "description": "fields that the error is about"},
+        "remedy": {"type": "array", "items": {"type": "object", "properties": _REMEDY}},
+    },
+    "required": ["type", "title", "status", "detail", "code"],
+}
+"""JSON schema of an error's answer."""
 
 
 def choose_type(request: Request, types: dict[str, str]) -> str:
@@ -132,3 +151,36 @@ def _accepted(header: str, known: list[str]) -> list[str]:
         return next((weights[kind] for kind in kinds if kind in weights), 0.0)
 
     return sorted((media for media in known if weight(media) > 0), key=weight, reverse=True)
+
+
+class FormWords(Words):
+    """Arguments as form fields and query parameters."""
+
+    verb = "send"
+
+    def name(self, argument: str) -> str:
+        """Return the field of a hint or setting."""
+        return HINTS[argument].name if argument in HINTS else argument
+
+    def giving(self, argument: str, value: str) -> str:
+        """Return the field and its value."""
+        return f"{self.name(argument)} {value}".strip()
+
+
+FIELDS = FormWords()
+
+
+def problem(status: int, notice: str, headers: Mapping[str, str] | None = None) -> JSONResponse:
+    """Return an error as an answer; a plain line gets its status as its code ("not-found")."""
+    title = HTTPStatus(status).phrase
+    code = notice.code if isinstance(notice, Notice) else title.lower().replace(" ", "-")
+    body = {"type": "about:blank", "title": title, "status": status, "detail": FIELDS.line(notice), "code": code}
+    if isinstance(notice, Notice):
+        data = notice_json(notice)
+        body |= {name: data[name] for name in ("text", "subject", "remedy") if data[name]}
+    return JSONResponse(body, status, dict(headers or {}), media_type=PROBLEM)
+
+
+def notice_json(notice: Notice) -> dict[str, Any]:
+    """Return a notice as data that names form fields."""
+    return notice.naming({name: FIELDS.name(name) for name in HINTS}).as_json()

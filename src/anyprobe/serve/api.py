@@ -30,13 +30,13 @@ from anyprobe.estimate.extract import Extract
 from anyprobe.estimate.result import LEVEL
 from anyprobe.export.targets import TARGETS
 from anyprobe.serve import answers, forms, tasks
+from anyprobe.serve.answers import problem
 from anyprobe.serve.counters import Counted, Metrics
 from anyprobe.serve.forms import EstimateForm, ExportForm, MaskForm, PhotoForm, TargetName
 from anyprobe.serve.guards import Admission, OwnPagesOnly, SecureHeaders, TokenOnly
 from anyprobe.serve.limits import Limits
 from anyprobe.serve.page import Page, add_page
 from anyprobe.serve.pool import Cancelled, WorkerPool
-from anyprobe.serve.problems import MEDIA_TYPE, SCHEMA, problem
 from anyprobe.serve.tasks import TooManyPixels
 
 log = logging.getLogger("anyprobe.serve")
@@ -120,7 +120,7 @@ def create_app(
 
 def _answers(*statuses: int, content: dict[str, Any] | None = None) -> dict[int | str, dict[str, Any]]:
     """Return the description of a route's answers: 200 with this content, and refusals."""
-    refused = {MEDIA_TYPE: {"schema": SCHEMA}}
+    refused = {answers.PROBLEM: {"schema": answers.PROBLEM_SCHEMA}}
     described: dict[int | str, dict[str, Any]] = {
         status: {"description": REFUSALS[status], "content": refused} for status in (400, *statuses, 500)
     }

@@ -14,9 +14,9 @@ from starlette.requests import Request
 from starlette.responses import RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from anyprobe.serve.answers import problem
 from anyprobe.serve.limits import UNREAD_S, Limits
 from anyprobe.serve.pool import WorkerPool
-from anyprobe.serve.problems import problem
 
 SECURITY_HEADERS = {
     "Cross-Origin-Opener-Policy": "same-origin",  # these two let the page's networks use threads

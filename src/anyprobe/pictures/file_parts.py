@@ -1,7 +1,12 @@
-"""Boxes of HEIC and AVIF files, and those that describe a gain map (ISO/IEC 14496-12, 23008-12)."""
+"""Parts of picture files.
+
+Boxes of HEIC, AVIF and JPEG XL, and those that describe a gain map (ISO/IEC 14496-12, 23008-12); concatenated pictures,
+segments and markers of JPEG (ITU-T T.81).
+"""
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Iterator
 
@@ -9,6 +14,14 @@ MOST_BOXES = 10_000
 
 Span = tuple[int, int]
 """First byte in the file, and the one after the last."""
+
+XMP = b"http://ns.adobe.com/xap/1.0/\0"
+"""Start of a segment of XMP."""
+MAX_PICTURES = 8
+
+_START = b"\xff\xd8\xff"
+_MARKER = re.compile(rb"\xff+([^\x00\xff\xd0-\xd7])")
+"""A marker that is not a restart; its code is the group."""
 
 
 def find_tone_map(data: bytes) -> tuple[bytes, bytes] | None:
@@ -108,3 +121,35 @@ def _place(data: bytes, span: Span, wanted: int, idat: Span | None) -> Span | No
                 is_inside = method < 2 and 0 < length and start + length <= len(data)
                 return (start, start + length) if is_inside else None
     return None
+
+
+def jpeg_pictures(data: bytes) -> Iterator[bytes]:
+    """Yield the JPEG pictures of a file, one behind the other."""
+    at = 0
+    for _ in range(MAX_PICTURES):
+        at = data.find(_START, at)
+        if at < 0:
+            return
+        end = next((end for code, end in markers(data, at + 2) if code == b"\xd9"), len(data))
+        yield data[at:end]
+        at = end
+
+
+def markers(data: bytes, at: int) -> Iterator[tuple[bytes, int]]:
+    """Yield the markers of a JPEG from a byte on: the code, and where the marker ends; the last is that of its end."""
+    while marker := _MARKER.search(data, at):
+        code, at = marker[1], marker.end()
+        yield code, at
+        if code == b"\xd9":
+            return
+        at += int.from_bytes(data[at : at + 2], "big") if code not in b"\x01\xd8" else 0
+
+
+def app_segments(picture: bytes) -> Iterator[bytes]:
+    """Yield the contents of the APP1 and APP2 segments of one picture."""
+    at = 2
+    while at + 4 <= len(picture) and picture[at] == 0xFF and picture[at + 1] not in (0xDA, 0xD9):
+        size = int.from_bytes(picture[at + 2 : at + 4], "big")
+        if picture[at + 1] in (0xE1, 0xE2):
+            yield picture[at + 4 : at + 2 + size]
+        at += 2 + max(size, 2)
