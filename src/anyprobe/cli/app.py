@@ -23,9 +23,6 @@ from anyprobe.maps import image_io
 TRACEBACK = "ANYPROBE_TRACEBACK"
 """Environment variable that lets unexpected errors through with their traceback."""
 
-MIN_COLUMNS = 20
-"""Smallest COLUMNS that is honoured [characters]; tables would be cut to nothing below it."""
-
 
 def new_app(help: str | None, **more: Any) -> App:
     """Return an application that `main` runs: no option has its --no-x, the last of two equal options counts."""
@@ -89,8 +86,6 @@ def main(command: App | Callable[..., None] = app) -> None:
             f"{error.filename or 'the system'}: refused ({error.strerror or error}); "
             "check the path, or end other programs"
         )
-    except UnicodeEncodeError as error:  # bytes that Python keeps as surrogates
-        _fail(f"{ascii(error.object)[:120]}: expected a file name in UTF-8, got other bytes; rename it")
     except KeyboardInterrupt:
         _fail("interrupted", status=130)
     except Exception as error:
@@ -123,7 +118,6 @@ def quiet_libraries() -> Iterator[None]:
     SIGTERM ends the command as Ctrl-C does, so that nothing half-written stays. This changes the whole process, which
     only the command line may do.
     """
-    _drop_unusable_columns()
     for stream in (sys.stdout, sys.stderr):  # a name that the terminal's encoding lacks is no reason to end
         with contextlib.suppress(AttributeError, OSError, ValueError):  # none, or a caller's own
             getattr(stream, "reconfigure")(errors="backslashreplace")  # noqa: B009  # of files alone
@@ -139,13 +133,6 @@ def quiet_libraries() -> Iterator[None]:
         image_io.quiet = saved_quiet
         if is_main_thread:
             signal.signal(signal.SIGTERM, handler)
-
-
-def _drop_unusable_columns() -> None:
-    """Drop a COLUMNS that is no terminal's width."""
-    columns = os.environ.get("COLUMNS", "")
-    if columns and not (columns.isascii() and columns.isdecimal() and MIN_COLUMNS <= int(columns[:9])):
-        del os.environ["COLUMNS"]
 
 
 def _end(number: int, _: object) -> None:
