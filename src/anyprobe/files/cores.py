@@ -1,11 +1,9 @@
-"""Number of cores that this process may use, and child processes that use one each."""
+"""Number of cores that this process may use, and the environment of child processes that use one each."""
 
 from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 QUOTA = Path("/sys/fs/cgroup/cpu.max")
@@ -26,21 +24,3 @@ def usable_cores() -> int:
         return max(1, min(cores, math.ceil(int(quota) / int(period))))
     except (OSError, ValueError, ZeroDivisionError):  # no container, or one without a limit
         return cores
-
-
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Make numeric libraries use one thread in processes started within the block: as fast, with the same sums.
-
-    NumPy's second thread would spin between products of small matrices, on a core that another worker needs.
-    """
-    old = {name: os.environ.get(name) for name in CHILD_ENVIRONMENT}
-    os.environ.update(CHILD_ENVIRONMENT)
-    try:
-        yield
-    finally:
-        for name, value in old.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value

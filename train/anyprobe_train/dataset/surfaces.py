@@ -16,13 +16,13 @@ import numpy as np
 
 from anyprobe.core.frames import normalize, rotation_x, rotation_y, world_from_camera
 from anyprobe.files.atomic import atomic_path
-from anyprobe.files.cores import one_thread
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.surface import frame_object, see
 from anyprobe_train.dataset.asset_store import PROCEDURAL_VERSION
 from anyprobe_train.dataset.catalog import ShapeAsset
 from anyprobe_train.dataset.drawn_shapes import draw_shape, figure, part, transformed, waved
 from anyprobe_train.dataset.occlusion import SIDE, hidden_cells
+from anyprobe_train.dataset.processes import one_thread
 
 NUM_ELEVATIONS = 8
 ELEVATION_SINES = np.linspace(-0.1, 0.95, NUM_ELEVATIONS + 1)

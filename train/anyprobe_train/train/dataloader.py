@@ -14,10 +14,10 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from torch.utils.data import DataLoader, Dataset
 
-from anyprobe.files.cores import one_thread
 from anyprobe_train.dataset.asset_store import AssetStore, load_asset_store, own_map
 from anyprobe_train.dataset.lighting import Illuminator, draw_variant
 from anyprobe_train.dataset.pair_source import Batch, PairSource
+from anyprobe_train.dataset.processes import one_thread
 from anyprobe_train.dataset.surfaces import SurfaceSet, build_surfaces
 from anyprobe_train.train.config import LightConfig, RunConfig
 

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from anyprobe.files.cores import one_thread
+from anyprobe_train.dataset.processes import one_thread
 from anyprobe_train.world.batch import LightBatch, World, make_batch
 
 SEEN = 4
