@@ -43,15 +43,6 @@ SAME = 1.2 / 255
 """Largest difference of display values between encodings that count as the same: sRGB profiles round its curve and
 primaries."""
 
-OUTSIDE = 0.03
-"""Depth of a negative channel, as a share of the colour's largest, from which the colour counts as outside Rec. 709."""
-
-OUTSIDE_SHARE = 0.05
-"""Share of pixels with such colours from which a picture gets a warning."""
-
-PROBED = 1 << 16
-"""Number of pixels, evenly spread, from which that share is estimated."""
-
 
 def srgb_to_linear(values: np.ndarray) -> np.ndarray:
     """Decode sRGB values (IEC 61966-2-1) to linear light; odd around 0."""
@@ -185,14 +176,6 @@ def to_display(values: np.ndarray, encoding: ColorEncoding) -> tuple[np.ndarray,
         if radiance is not None:
             radiance[rows] = linear
     return display, radiance
-
-
-def outside_share(values: np.ndarray, encoding: ColorEncoding) -> float:
-    """Return the share of PROBED pixels of [H, W] or [H, W, 3] whose colours are outside Rec. 709."""
-    step = max(1, int(np.sqrt(values.shape[0] * values.shape[1] / PROBED)))
-    linear = _decoder(values.dtype, encoding)(values[::step, ::step]) @ encoding.matrix.T
-    largest = linear.max(axis=-1)
-    return float(((linear.min(axis=-1) < -OUTSIDE * largest) & (largest > 0.01)).mean())
 
 
 def _decoder(kind: np.dtype, encoding: ColorEncoding) -> Callable[[np.ndarray], np.ndarray]:

@@ -15,16 +15,7 @@ import numpy as np
 from PIL import ExifTags, Image
 
 from anyprobe.maps.image_io import open_image
-from anyprobe.pictures.color_encoding import (
-    ADOBE_RGB,
-    OUTSIDE_SHARE,
-    ColorEncoding,
-    by_code_points,
-    by_numbers,
-    is_srgb,
-    outside_share,
-    to_display,
-)
+from anyprobe.pictures.color_encoding import ADOBE_RGB, ColorEncoding, by_code_points, by_numbers, is_srgb, to_display
 from anyprobe.pictures.file_parts import iso_boxes
 from anyprobe.pictures.icc import converted, encoding_of
 
@@ -96,12 +87,12 @@ def to_srgb(picture: Image.Image | np.ndarray, encoding: ColorEncoding | None, p
         if profile[16:20] != space and profile[36:40] == b"acsp":
             return DisplayPixels(values=_plain(picture), warnings=(UNFIT,))
         if encoding is None or (has_8_bits and not encoding.is_hdr and not is_srgb(encoding)):
-            return _by_table(picture, encoding, profile)
+            return _by_table(picture, profile)
     values = _plain(picture)
     if encoding is None or is_srgb(encoding):
         return DisplayPixels(values=values)
     display, radiance = to_display(values, encoding)
-    return DisplayPixels(values=display, radiance=radiance, warnings=_outside(values, encoding))
+    return DisplayPixels(values=display, radiance=radiance)
 
 
 UNFIT = "its colour profile is damaged or for another colour model; read as sRGB"
@@ -120,23 +111,15 @@ def _plain(picture: Image.Image | np.ndarray) -> np.ndarray:
     return picture
 
 
-def _by_table(picture: Image.Image | np.ndarray, encoding: ColorEncoding | None, profile: bytes) -> DisplayPixels:
+def _by_table(picture: Image.Image | np.ndarray, profile: bytes) -> DisplayPixels:
     """Convert by LittleCMS, with 8 bits."""
     if not isinstance(picture, Image.Image):
         scaled = picture * 255.0 if picture.dtype.kind == "f" else picture / 257.0
         picture = Image.fromarray(np.clip(np.round(scaled), 0, 255).astype(np.uint8))
     try:
-        values = np.asarray(converted(picture, profile))
+        return DisplayPixels(values=np.asarray(converted(picture, profile)))
     except ValueError:
         return DisplayPixels(values=_plain(picture), warnings=(UNFIT,))
-    return DisplayPixels(values=values, warnings=() if encoding is None else _outside(_plain(picture), encoding))
-
-
-def _outside(values: np.ndarray, encoding: ColorEncoding) -> tuple[str, ...]:
-    share = outside_share(values, encoding)
-    if share < OUTSIDE_SHARE:
-        return ()
-    return (f"{share:.0%} of its pixels have colours outside of Rec. 709; these are clipped and lose saturation",)
 
 
 def _code_points(image: Image.Image, stream: BinaryIO | None) -> tuple[int, int, bool, int] | None:
