@@ -6,7 +6,7 @@ import numpy as np
 
 from anyprobe.core.contract import contract
 from anyprobe.errors import InvalidMask
-from anyprobe.masks.specks import keep_object
+from anyprobe.masks.parts import keep_object
 from anyprobe.notices import Notice, give
 
 MIN_OBJECT_PX = contract("mask")["least_object_px"]
@@ -69,7 +69,7 @@ FEW_PX: int = _GIVEN["few_px"]
 
 
 def look_at_given(mask: np.ndarray) -> tuple[np.ndarray, list[str]]:
-    """Return the part of a given mask [H, W] that matters, see masks.specks, and a warning for each oddity.
+    """Return the part of a given mask [H, W] that matters, see masks.parts, and a warning for each oddity.
 
     A segmenter's overlay, which is translucent on the object too, is scaled to 1 there.
 

@@ -1,6 +1,11 @@
-"""Connected parts of a mask, of which the object is one, without pinholes; as web/src/photo/parts.js."""
+"""Connected parts of a mask, of which the object is one, without pinholes; and those of a given mask that matter.
+
+Specks, threads, and parts far from the largest do not. The same in web/src/photo/parts.js and specks.js.
+"""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -8,6 +13,25 @@ from anyprobe.core.contract import contract
 
 HOLE_SHARE = contract("mask")["hole_share"]
 """Largest hole that is filled, as a share of the object; larger ones are real, such as a handle's."""
+
+NUMBERS = contract("mask")["specks"]
+
+SHARE = NUMBERS["share"]
+"""Smallest area of a part over that of the largest; smaller ones are specks."""
+
+REACH = NUMBERS["reach"]
+"""Largest distance by which a part may stick out of the box of those that are kept, in square roots of its area."""
+
+THIN, THREAD_REACH = NUMBERS["thin"], NUMBERS["thread_reach"]
+"""Half the width of a thread, at least 1 pixel, and the distance by which one may stick out of the box, both in square
+roots of the mask's area."""
+
+SOFT_PX = NUMBERS["soft_px"]
+"""Width of the soft edge [px] that is removed with a part."""
+
+LARGE, OUTLINE = NUMBERS["large"], NUMBERS["outline"]
+"""Smallest area of a part over that of the largest at which it may be an object of its own, and smallest area of a mask
+over that with its largest hole filled; less is an outline."""
 
 
 def grow(mask: np.ndarray, steps: int = 1) -> np.ndarray:
@@ -74,3 +98,86 @@ def fill_holes(part: np.ndarray) -> np.ndarray:
     fills = ~at_border & (sizes <= HOLE_SHARE * max(int(part.sum()), 1))
     fills[0] = False
     return part | fills[labels]
+
+
+@dataclass(frozen=True, slots=True)
+class Kept:
+    """The part of a mask that matters.
+
+    Attributes:
+        mask: [H, W] float32; the given one itself where nothing is dropped.
+        large: number of large parts of the given mask.
+        is_outline: whether the mask is only the outline of something.
+    """
+
+    mask: np.ndarray
+    large: int
+    is_outline: bool
+
+
+def keep_object(mask: np.ndarray) -> Kept:
+    """Return the largest part of a mask [H, W] in [0, 1], not empty above one half, and the parts that belong to it."""
+    radius = max(1, round(THIN * float(np.sqrt((mask > 0.5).sum()))))
+    window = _window(mask > 0.5, radius + SOFT_PX)
+    inside = mask[window] > 0.5
+    body = grow(~grow(~np.pad(inside, radius), radius)[radius:-radius, radius:-radius], 2 * radius) & inside
+    if 2 * body.sum() < inside.sum():
+        body = inside  # a drawing of lines
+    labels, sizes = label_parts(body)
+    sizes[0] = 0
+    boxes = _boxes(labels, len(sizes))
+    largest = int(sizes.argmax())
+    box, kept = boxes[largest], {largest}
+    waiting = [int(one) for one in np.argsort(-sizes, kind="stable") if sizes[one] >= SHARE * sizes[largest]][1:]
+    while near := [one for one in waiting if _overhang(boxes[one], box) <= REACH * np.sqrt(sizes[one])]:
+        kept.add(near[0])
+        waiting.remove(near[0])
+        box = _union(box, boxes[near[0]])
+    belongs = np.isin(labels, list(kept))
+    threads, lengths = label_parts(inside & ~body)
+    touching = set(np.unique(threads[grow(belongs)]).tolist()) - {0}
+    reach = THREAD_REACH * float(np.sqrt(sizes[largest]))
+    ends = _boxes(threads, len(lengths))
+    belongs |= np.isin(threads, [one for one in touching if _overhang(ends[one], box) <= reach])
+    large = int((sizes >= LARGE * sizes[largest]).sum())
+    if (dropped := inside & ~belongs).any():
+        mask = mask.copy()
+        mask[window][dropped | grow(dropped, SOFT_PX) & ~grow(belongs, SOFT_PX)] = 0.0
+    return Kept(mask, large, _is_outline(belongs, radius))
+
+
+def _window(inside: np.ndarray, margin: int) -> tuple[slice, slice]:
+    """Return the rows and columns of the box of a mask, and a margin [px]."""
+    ends = [np.flatnonzero(inside.any(axis=axis))[[0, -1]] for axis in (1, 0)]
+    rows, columns = (slice(max(first - margin, 0), last + 1 + margin) for first, last in ends)
+    return rows, columns
+
+
+def _is_outline(belongs: np.ndarray, radius: int) -> bool:
+    """Return whether the largest hole of a mask, its gaps closed, is far larger than the mask."""
+    closed = np.pad(grow(np.pad(belongs, 2 * radius), 2 * radius), 1)
+    labels, sizes = label_parts(~closed)
+    sizes[[0, labels[0, 0]]] = 0
+    area = int(belongs.sum())
+    return area < OUTLINE * (area + int(sizes.max()))
+
+
+def _boxes(labels: np.ndarray, count: int) -> np.ndarray:
+    """Return the bounding box x0, y0, x1, y1 (exclusive) of each label, [count, 4]."""
+    rows, columns = np.nonzero(labels)
+    own = labels[rows, columns]
+    boxes = np.empty((count, 4), np.int64)
+    boxes[:, :2], boxes[:, 2:] = max(labels.shape), 0
+    for axis, places in enumerate((columns, rows)):
+        np.minimum.at(boxes[:, axis], own, places)
+        np.maximum.at(boxes[:, axis + 2], own, places + 1)
+    return boxes
+
+
+def _overhang(box: np.ndarray, of: np.ndarray) -> int:
+    """Return the largest distance by which a box sticks out of another [px]."""
+    return int(max(*(of[:2] - box[:2]), *(box[2:] - of[2:]), 0))
+
+
+def _union(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    return np.concatenate([np.minimum(one[:2], other[:2]), np.maximum(one[2:], other[2:])])

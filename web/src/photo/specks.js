@@ -1,4 +1,4 @@
-/** The part of a given mask that matters: without specks, threads, and parts far from the largest; as anyprobe.masks.specks. */
+/** The part of a given mask that matters: without specks, threads, and parts far from the largest; as anyprobe.masks.parts. */
 
 import { CONTRACT } from "../core/contract.js";
 import { grow, labelParts, shrink } from "./parts.js";
