@@ -54,8 +54,8 @@ They are not in the repository, and no network is trained on them.
 
 `anyprobe-train data test DIR` fetches the sources below at a fixed commit each, prepares them and checks SHA-256: all
 30 maps, and of the shapes drill and goathead. It writes `DIR/frozen_public.txt`, the 224 of the 1,000 frozen recipes
-that these suffice for ([evaluation](evaluation.md)). How the other seven shapes were decimated was not recorded, so they
-cannot be had. Preparation:
+that these suffice for ([evaluation](evaluation.md)). How the other seven shapes were decimated was not recorded, so
+they cannot be had. Preparation:
 
 - **Maps**: read as linear floats; NaN, infinite and negative values set to 0; averaged to 512 x 256 pixels; halved until
   nothing is above 65,504; OpenEXR with half floats and PIZ compression.
