@@ -18,7 +18,7 @@ SIZE = 480
 """Longer side of the rendered photos; the network sees them at 160."""
 
 SCENES_PER_VIEW = 3
-TEXTURES = 160
+TEXTURES = 80
 
 
 def rendered_cases(store: AssetStore, count: int, seed: int) -> Iterator[Case]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from support.refused import refused
@@ -9,7 +11,7 @@ from support.refused import refused
 from anyprobe.core.resample import resample
 from anyprobe.errors import InvalidMask
 from anyprobe.masks.find import find_mask
-from anyprobe.masks.quality import examine
+from anyprobe.masks.quality import doubt, expected_iou
 from anyprobe.masks.search import Looks, Prompts, find_object
 from anyprobe.pictures.images import read_image
 
@@ -137,19 +139,11 @@ def test_another_look_that_disagrees_makes_a_mask_doubtful():
     assert doubtful.warnings[0].code == "mask-doubtful"
 
 
-FITTING = [
-    ({}, 0.9),
-    ({"on": [(100, 110)]}, 1.0),
-    ({"on": [(60, 110), (140, 110)]}, 1.0),  # of several the middle counts
-    ({"on": [(150, 110)]}, 1 - 50 / 30 / 2.5),  # a disc's standard deviation is half its radius
-    ({"box": (36, 46, 164, 174)}, 1.0),
-    ({"box": (0, 0, 300, 240)}, 120 * 120 / (300 * 240) / 0.6),
-    ({"on": [(100, 110)], "box": (0, 0, 300, 240)}, 120 * 120 / (300 * 240) / 0.6),
-]
-
-
-@pytest.mark.parametrize(("given", "expected"), FITTING)
-def test_clicks_far_from_the_middle_and_boxes_far_from_the_object_make_a_mask_doubtful(given, expected):
-    prompts = Prompts(**given)
-    evidence = examine(find_object(Looks(Redness(), photo(LARGE)), prompts), prompts)
-    assert evidence.meant == pytest.approx(expected, abs=0.03)
+def test_what_speaks_against_a_mask_lowers_what_to_expect_and_is_named():
+    good = find_object(Looks(Redness(), photo(LARGE)), Prompts())
+    bad = replace(good, agreed=0.1, cut=0.3)
+    assert expected_iou(good) > 0.9
+    assert expected_iou(bad) < expected_iou(good) - 0.4
+    assert "second look" in doubt(replace(good, agreed=0.1))
+    assert "box cuts" in doubt(bad)
+    assert "blurred" in doubt(replace(good, cover=good.cover / 2))

@@ -229,6 +229,16 @@ def test_an_inverted_mask_and_one_of_few_pixels_are_named():
     assert look_at_given(close_up)[1] == []
 
 
+@pytest.mark.parametrize("color", [(255, 0, 0), (0, 0, 255), (128, 0, 0)])
+@pytest.mark.parametrize("kind", ["RGB", "P"])
+def test_a_mask_of_any_colour_on_black_is_the_object(color, kind):
+    true = disc(120, 160, 80, 60, 30) > 0.5
+    labels = Image.fromarray(true.astype(np.uint8), "P")
+    labels.putpalette([0, 0, 0, *color])
+    found = find_mask(read_image(GREY), mask=labels.convert(kind))
+    np.testing.assert_array_equal(found.mask > 0.5, true)
+
+
 def test_an_overlay_is_read_as_the_object_and_named():
     true = disc(120, 160, 80, 60, 30)
     mask, (line,) = look_at_given(np.float32(0.6) * true)

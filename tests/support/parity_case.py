@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +21,7 @@ from anyprobe.light.light_sources import LightSource, draw_sources, find_sources
 from anyprobe.light.temporal import step
 from anyprobe.masks.check import look_at_given
 from anyprobe.masks.networks import default_graph, small_network
-from anyprobe.masks.quality import examine
+from anyprobe.masks.quality import doubt, expected_iou
 from anyprobe.masks.search import Looks, Prompts, find_object
 
 HINTS = {
@@ -223,11 +222,7 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
     for name, hints in HINTS.items():
         finding = find_object(Looks(small_network(), rgb), _prompts(hints))
         answers[f"mask_{name}"] = finding.mask(*rgb.shape[1::-1])
-        evidence = examine(finding, _prompts(hints))
-        found[name] = asdict(evidence) | {
-            "iou": evidence.expected_iou("small"),
-            "doubt": evidence.doubt("small", _prompts(hints)),
-        }
+        found[name] = {"iou": expected_iou(finding), "doubt": doubt(finding)}
     answers |= _filtered(light.radiance)
     for name, values in answers.items():
         (folder / f"{name}.f32").write_bytes(np.ascontiguousarray(values, dtype="<f4").tobytes())

@@ -82,7 +82,7 @@ export class AnyProbe {
   /**
    * Find the object: numbers in [0, 1] of the picture's size, or of 1600 pixels along its longer side.
    *
-   * @returns {Promise<import("../types/index.d.ts").FoundMask>} quality: the IoU to expect; warnings: a line where that is below 0.78
+   * @returns {Promise<import("../types/index.d.ts").FoundMask>} quality: the IoU to expect; warnings: a line where that is below 0.7
    */
   async mask(image, options = {}) {
     checkNames("mask", options);

@@ -28,6 +28,19 @@ test("alpha that cuts something away is the mask as it is", () => {
   }
 });
 
+test("a mask of any colour on black is the object", async () => {
+  globalThis.ImageData = class {
+    constructor(data, width, height) {
+      Object.assign(this, { data, width, height });
+    }
+  };
+  const picture = { width: 2, height: 1, fullWidth: 2, fullHeight: 1 };
+  for (const color of [[255, 0, 0], [0, 0, 255], [128, 0, 0]]) {
+    const mask = await readMask(new ImageData(Uint8ClampedArray.of(0, 0, 0, 255, ...color, 255), 2, 1), picture);
+    assert.ok(mask[0] === 0 && mask[1] > 0.5);
+  }
+});
+
 test("masks and normals of a photo's own size are shrunk as the photo was", async () => {
   const picture = { width: 8, height: 4, fullWidth: 16, fullHeight: 8 };
   const left = Float32Array.from({ length: 128 }, (_, i) => (i % 16 < 8 ? 1 : 0));

@@ -10,7 +10,8 @@ import { PACKAGE, give, leaveOut, notice } from "../src/notices.js";
 import { warningsOf } from "../src/photo/quality.js";
 
 test("a doubtful mask is a sentence of its own", () => {
-  const [found] = warningsOf({ agreed: 1, whole: 1, meant: 1, cut: 0, expected: 0.2 }, "u2netp", { on: [], box: null });
+  const part = new Uint8Array(320 * 320).fill(1, 0, 400);
+  const [found] = warningsOf({ part, cover: new Float32Array(320 * 320).fill(0.6), agreed: 1, cut: 0 });
   assert.equal(found.code, "mask-doubtful");
   assert.equal(sentence(found), "The mask may be wrong: its outline is blurred.");
 });

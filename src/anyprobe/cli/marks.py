@@ -29,7 +29,8 @@ def read_marks(path: Path) -> Marks:
     delimiter, ; or a tab, is used, and spaces between clicks.
 
     Raises:
-        InputError: no such file, no UTF-8 or marked UTF-16, an unknown column, a photo named twice, or numbers that are none; names the row.
+        InputError: no such file, another encoding, an unknown column, a photo named twice, or numbers that are none;
+            names the row.
     """
     data = read_regular(path, str(path), InputError, "a CSV file", MAX_BYTES)
     try:

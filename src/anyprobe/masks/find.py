@@ -12,7 +12,7 @@ from anyprobe.masks.check import alpha_doubts, check_mask, look_at_given
 from anyprobe.masks.depth import DepthSource, mask_from_depth
 from anyprobe.masks.networks import Network, NetworkSource, load_network, shared_network
 from anyprobe.masks.prompts import Clicks, check_box, check_clicks
-from anyprobe.masks.quality import DOUBTFUL, REFUSED, examine
+from anyprobe.masks.quality import DOUBTFUL, REFUSED, doubt, expected_iou
 from anyprobe.masks.search import Finding, Looks, Prompts, find_object
 from anyprobe.masks.sources import MaskSource, mask_from_alpha, mask_from_file, mask_from_function
 from anyprobe.notices import Notice, as_notice, give
@@ -114,11 +114,10 @@ def _given(mask: np.ndarray, source: str, name: str) -> FoundMask:
 
 def _judged(pixels: Pixels, prompts: Prompts, found: Finding, network: Network, source: str) -> FoundMask:
     """Judge a found mask and return it with its expected IoU; InvalidMask where that is below REFUSED."""
-    evidence, mask = examine(found, prompts), found.mask(*pixels.rgb.shape[1::-1])
-    confidence = evidence.expected_iou(network.name)
+    confidence, mask = expected_iou(found), found.mask(*pixels.rgb.shape[1::-1])
     if confidence < REFUSED or not (mask > 0.5).any():
         raise _not_found(pixels, prompts)
-    judgement = RIGHT if confidence >= DOUBTFUL else f"may be wrong: {evidence.doubt(network.name, prompts)}"
+    judgement = RIGHT if confidence >= DOUBTFUL else f"may be wrong: {doubt(found)}"
     warnings = []
     if judgement != RIGHT:
         remedy = give("box", "click", "exclude", "mask")

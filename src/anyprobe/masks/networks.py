@@ -41,7 +41,7 @@ class Network(Protocol):
     """A graph, opened once; safe to share between threads.
 
     Attributes:
-        name: its key in the contract's quality.
+        name: what tests and benchmarks call it.
         warning: attached to every mask that it finds; or "".
         takes_prompts: whether its cover depends on clicks and box.
     """

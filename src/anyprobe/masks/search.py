@@ -123,7 +123,6 @@ class Finding:
         cover: [GRID, GRID] in [0, 1], zero on other parts.
         part: [GRID, GRID] bool, the object's cells.
         agreed: IoU of two looks' parts, 1 after a single look.
-        whole: its share of all that the first look found; 1 with clicks.
         cut: length of its outline that a given box cuts off from more of it, over the perimeter of its box.
     """
 
@@ -131,7 +130,6 @@ class Finding:
     cover: np.ndarray
     part: np.ndarray
     agreed: float = 1.0
-    whole: float = 1.0
     cut: float = 0.0
 
     def expected(self) -> float:
@@ -250,8 +248,7 @@ def choose(window: Window, cover: np.ndarray, prompts: Prompts) -> Finding | Non
     if not chosen:
         return None
     part = fill_holes(np.isin(labels, sorted(chosen)))
-    whole = 1.0 if prompts.on else float(sum(weights[label] for label in chosen) / weights.sum())
-    return Finding(window=window, cover=np.where((labels > 0) & ~part, 0.0, cover), part=part, whole=whole)
+    return Finding(window=window, cover=np.where((labels > 0) & ~part, 0.0, cover), part=part)
 
 
 def look_closer(looks: Looks, found: Finding, prompts: Prompts) -> Finding:
@@ -269,7 +266,7 @@ def look_closer(looks: Looks, found: Finding, prompts: Prompts) -> Finding:
     second = choose(window, again, prompts)
     agreed = 0.0 if second is None else iou(known.part, second.part)
     mean = choose(window, (before + again) / 2, prompts)
-    return replace(known if mean is None else mean, agreed=agreed, whole=found.whole, cut=found.cut)
+    return replace(known if mean is None else mean, agreed=agreed, cut=found.cut)
 
 
 def _around_clicks(looks: Looks, prompts: Prompts) -> Finding | None:

@@ -10,7 +10,7 @@ from typing import TypeGuard
 import numpy as np
 from PIL import Image
 
-from anyprobe.core.color import luminance, to_bytes
+from anyprobe.core.color import to_bytes
 from anyprobe.core.contract import contract
 from anyprobe.errors import InvalidMask, InvalidPhoto
 from anyprobe.files.paths import open_regular
@@ -47,9 +47,9 @@ def mask_from_alpha(alpha: np.ndarray | None, found_in: str = "") -> np.ndarray 
 def mask_from_file(source: MaskPicture, shape: tuple[int, int]) -> np.ndarray:
     """Read a picture of the mask, white on the object.
 
-    The mask is its alpha channel if that marks an object, else its brightness. The outer tenths of the range are
-    flattened, which removes JPEG noise around black and white and keeps soft edges centred at one half. An .exr's
-    luminance and an array of floats have no such noise and are used unchanged.
+    The mask is its alpha channel if that marks an object, else its brightest channel: labelling tools paint objects in
+    a colour. The outer tenths of the range are flattened, which removes JPEG noise around black and white and keeps
+    soft edges centred at one half. An .exr and an array of floats have no such noise and are used unchanged.
 
     Args:
         source: anything read_image takes, or a boolean or 0/1 array.
@@ -86,7 +86,7 @@ def _read(source: MaskPicture) -> tuple[np.ndarray, np.ndarray | None, str]:
         return *_read_exr(source, name), name
     pixels = read_image(source, name, as_data=True)
     is_exact = isinstance(source, np.ndarray) and np.issubdtype(source.dtype, np.floating)
-    return luminance(pixels.rgb) if is_exact else _brightness(pixels.rgb), pixels.alpha, pixels.name
+    return pixels.rgb.max(axis=-1) if is_exact else _brightness(pixels.rgb), pixels.alpha, pixels.name
 
 
 def _brightness(rgb: np.ndarray) -> np.ndarray:
@@ -94,18 +94,18 @@ def _brightness(rgb: np.ndarray) -> np.ndarray:
     brightness = np.empty(rgb.shape[:2], np.float32)
     for top in range(0, len(rgb), STRIP_ROWS):
         rows = slice(top, top + STRIP_ROWS)
-        brightness[rows] = np.clip((luminance(rgb[rows]) - BLACK) / (WHITE - BLACK), 0.0, 1.0)
+        brightness[rows] = np.clip((rgb[rows].max(axis=-1) - BLACK) / (WHITE - BLACK), 0.0, 1.0)
     return brightness
 
 
 def _read_exr(source: str | os.PathLike[str] | bytes, name: str) -> tuple[np.ndarray, np.ndarray | None]:
-    """Read luminance as stored, and alpha or None, both [H, W] in [0, 1]."""
+    """Read the brightest channel as stored, and alpha or None, both [H, W] in [0, 1]."""
     data = bytes(source) if isinstance(source, (bytearray, memoryview)) else source
     values = read_exr(data, name, InvalidPhoto, MAX_PIXELS)
     if not np.isfinite(values).all():
         raise InvalidPhoto("expected finite values, got NaN or infinity; repair the picture first", source=name)
     alpha = np.clip(values[..., 3], 0.0, 1.0) if values.shape[2] == 4 else None
-    return np.clip(luminance(values), 0.0, 1.0), alpha
+    return np.clip(values[..., :3].max(axis=-1), 0.0, 1.0), alpha
 
 
 def _is_exr(source: MaskPicture) -> TypeGuard[str | os.PathLike[str] | bytes]:

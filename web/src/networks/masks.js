@@ -3,7 +3,7 @@
 import { AnyProbeError } from "../errors.js";
 import { notice } from "../notices.js";
 import { SmallNetwork, U2NetP, untilGivenUp } from "../photo/maskNetworks.js";
-import { REFUSED, examine, expectedIou, warningsOf } from "../photo/quality.js";
+import { REFUSED, expectedIou, warningsOf } from "../photo/quality.js";
 import { Looks, findObject, lookAgain, maskOf } from "../photo/search.js";
 import { smallNetworkWarning } from "./words.js";
 import { WorkerClient } from "./workerClient.js";
@@ -22,15 +22,14 @@ export async function findMask(models, picture, hints, isGivenUp, isKnown = fals
   const start = performance.now();
   const looks = new Looks(untilGivenUp(network, isGivenUp), picture, isKnown ? undefined : looksKept(network.name, picture));
   const found = await (isKnown ? lookAgain : findObject)(looks, hints);
-  const evidence = found && examine(found, hints);
-  const quality = found ? expectedIou(evidence, network.name) : 0;
+  const quality = found ? expectedIou(found) : 0;
   const seconds = () => (performance.now() - start) / 1000;
   const { width, height } = picture;
   if (quality < REFUSED) {
     const warnings = [notice("no-object", "nothing stands out there")];
     return { mask: new Float32Array(width * height), quality: 0, warnings, seconds: seconds() };
   }
-  const warnings = warningsOf(evidence, network.name, hints);
+  const warnings = warningsOf(found);
   if (network.name === "small") warnings.push(smallNetworkWarning(hints));
   return { mask: maskOf(found, width, height), quality, warnings, seconds: seconds() };
 }

@@ -9,7 +9,6 @@
  * @property {Float32Array} cover GRID * GRID in [0, 1], without other parts
  * @property {Uint8Array} part of it that it is, 1 inside
  * @property {number} agreed IoU of what two looks found, 1 after one
- * @property {number} whole its share of all that the first found, 1 by clicks
  * @property {number} cut length of its outline that a box cuts off from more of it, over the perimeter of its box
  */
 
@@ -155,9 +154,7 @@ export function choose(window, cover, { on, off }) {
   if (!chosen.size) return null;
   const isChosen = Uint8Array.from(sizes, (_, label) => (chosen.has(label) ? 1 : 0));
   const part = fillHoles(new Uint8Array(CELLS).map((_, i) => isChosen[labels[i]]), GRID);
-  const total = weights.reduce((sum, weight) => sum + weight, 0);
-  const whole = on.length ? 1 : [...chosen].reduce((sum, label) => sum + weights[label], 0) / total;
-  return { window, cover: cover.map((value, i) => (labels[i] && !part[i] ? 0 : value)), part, agreed: 1, whole, cut: 0 };
+  return { window, cover: cover.map((value, i) => (labels[i] && !part[i] ? 0 : value)), part, agreed: 1, cut: 0 };
 }
 
 /** The mean of a finding and a mirrored look at its window alone. */
@@ -172,7 +169,7 @@ async function lookCloser(looks, found, hints) {
   const second = choose(window, again, hints);
   const agreed = second ? iou(known.part, second.part) : 0;
   const mean = choose(window, before.map((value, i) => (value + again[i]) / 2), hints);
-  return { ...(mean ?? known), agreed, whole: found.whole, cut: found.cut };
+  return { ...(mean ?? known), agreed, cut: found.cut };
 }
 
 /** What stands out in windows around the clicks: the likeliest that a window's border does not cut. */

@@ -1,7 +1,6 @@
 /** Read any source of a picture into memory. */
 
 import { CONTRACT } from "../core/contract.js";
-import { luminance } from "../core/color.js";
 import { AnyProbeError, readable } from "../errors.js";
 import { exifFovDeg } from "../files/exif.js";
 import { maskFromAlpha } from "./picture.js";
@@ -197,7 +196,7 @@ const { black: BLACK, white: WHITE } = CONTRACT.mask.file;
 function brightness(rgba) {
   const values = new Float32Array(rgba.length / 4);
   for (let i = 0, at = 0; i < values.length; i++, at += 4) {
-    const display = luminance(rgba[at], rgba[at + 1], rgba[at + 2]) / 255;
+    const display = Math.max(rgba[at], rgba[at + 1], rgba[at + 2]) / 255; // labelling tools paint objects in a colour
     values[i] = Math.min(Math.max((display - BLACK) / (WHITE - BLACK), 0), 1);
   }
   return values;
