@@ -130,7 +130,8 @@ def write_graph(
 ) -> float:
     """Write a graph with its metadata: batch normalisation folded, weights stored small, computed as float32.
 
-    Return the typical difference of its outputs for the examples from torch's; ModelError if it is more than tolerance.
+    Return the typical difference of its outputs for the examples from torch's, relative where they are above 1, as
+    degrees are; ModelError if it is more than tolerance.
     """
     import onnx
 
@@ -160,7 +161,10 @@ def write_graph(
             expected = graph.net(*examples)
         expected = (expected,) if isinstance(expected, torch.Tensor) else expected
         outputs = session.run(None, dict(zip(graph.inputs, (example.numpy() for example in examples), strict=True)))
-        difference = max(float(graph.typical(np.abs(a - b.numpy()))) for a, b in zip(outputs, expected, strict=True))
+        off = (
+            np.abs(a - b.numpy()) / np.maximum(1.0, np.abs(b.numpy())) for a, b in zip(outputs, expected, strict=True)
+        )
+        difference = max(float(graph.typical(one)) for one in off)
         if not difference <= tolerance:
             raise ModelError(
                 f"expected ONNX within {tolerance} of torch, got {difference:.3g}: the weights do not bear "
