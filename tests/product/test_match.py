@@ -223,8 +223,9 @@ def test_a_map_that_shades_unlike_the_estimate_is_less_likely(folder, camera_lig
     ranked = light.match(folder)
     assert fit_warnings.fit_doubts(light.radiance, ranked[0].radiance(64)) == []
     apart = np.where(np.arange(6) == ranked[0].index, 3.0, 0.0)
-    monkeypatch.setattr(ranking, "shadings_apart", lambda *given: apart)
-    again = light.match(folder)
+    with monkeypatch.context() as patched:
+        patched.setattr(ranking, "shadings_apart", lambda *given: apart)
+        again = light.match(folder)
     misfits = [{one.name: one.misfit for one in some} for some in (ranked, again)]
     assert misfits[1]["place-2"] - misfits[0]["place-2"] > 15
     assert again[0].name != "place-2"
@@ -248,5 +249,4 @@ def test_the_command_writes_maps_a_sheet_a_list_and_an_export(folder, tmp_path, 
     assert (out / "ball_match.png").is_file()
     assert (out / "ball_three.json").is_file()
     assert any("--pitch" in line for line in said["warnings"])
-    assert any("stops off the estimate" in line for line in said["warnings"])
     assert "expected a folder outside the panoramas" in command(*words[:4], folder / "results").complaint
