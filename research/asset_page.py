@@ -57,8 +57,8 @@ They are not in the repository, and no network is trained on them.
 that these suffice for ([evaluation](evaluation.md)). How the other seven shapes were decimated was not recorded, so
 they cannot be had. Preparation:
 
-- **Maps**: read as linear floats; NaN, infinite and negative values set to 0; averaged to 512 x 256 pixels; halved until
-  nothing is above 65,504; OpenEXR with half floats and PIZ compression.
+- **Maps**: read as linear floats; NaN, infinite and negative values set to 0; averaged to 512 x 256 pixels; halved
+  until nothing is above 65,504; OpenEXR with half floats and PIZ compression.
 - **Shapes**: vertices merged, small loose parts removed, holes closed, decimated to 16,000 triangles at most, +Y up,
   smallest enclosing sphere of radius 1 around the origin; binary PLY.
 
