@@ -19,8 +19,10 @@ from anyprobe_train.world.march import compiled
 LIGHT_ROWS, SPLIT_ROWS = 256, 64
 CONTRAST, TINT = 0.12, 0.1
 """Standard deviations of ln of the exponent that a map is raised to, and of its white."""
-BLENDS, MOVED, LAMPS = 0.15, 0.12, 0.25
-"""Shares of lights for tables that are a blend of two, have their sources moved, or get lamps."""
+BLENDS, LAMPS = 0.3, 0.25
+"""Shares of lights for tables that are a blend of two, or get lamps."""
+MOVED = {"real": 0.35, "ground": 0.25}
+"""Shares of lights whose sources are moved: else a network learns the places by heart, and where their sources are."""
 LAMP_DEG, LAMP_POWER, LAMP_TINT = (1.0, 20.0), (0.1, 3.0), 0.3
 """Bounds of a lamp's radius, of its power as a share of all other light, and its colour's spread."""
 REACH_DEG = 13.0
@@ -184,7 +186,7 @@ def draw_light(rng: np.random.Generator, maps: Maps, kind: str) -> Light:
     radiance = varied(one, turn, mirror, other, share, exponent, white)
     if kind == "dark":
         return make_light(_dark(rng, radiance), np.nan, name, 0)
-    if kind == "real" and rng.random() < MOVED:
+    if rng.random() < MOVED.get(kind, 0.0):
         light = make_light(radiance, outdoors, name)
         radiance = light.sky[len(light.sky) // 2 :][: 2 * LIGHT_ROWS**2].reshape(LIGHT_ROWS, 2 * LIGHT_ROWS, 3).copy()
         for radius, power in zip(light.radius, light.power, strict=True):
