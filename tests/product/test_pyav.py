@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 from PIL import Image
 from support.clips import write_clip
-from support.refused import refused
 
 from anyprobe.errors import InputError
 from anyprobe.video.clip import clip_size, join_pieces, open_clip, read_frames, write_piece
@@ -57,12 +56,12 @@ def test_an_animated_picture_is_a_clip_or_said_to_be_one_that_is_not_read(tmp_pa
     path = tmp_path / f"a.{suffix}"
     first, *others = map(Image.fromarray, np.repeat(PICTURES, 2, axis=1).repeat(2, axis=2))
     first.save(path, save_all=True, append_images=others, duration=100)
-    if suffix == "webp":
-        with refused(naming="animated picture"):
-            open_clip(path)
-    else:
+    try:
         assert frames(path) == len(PICTURES)
         assert open_clip(path).warnings == ()
+    except InputError as error:  # older FFmpeg reads no animated WebP
+        assert suffix == "webp"
+        assert "animated picture" in str(error)
 
 
 IN_OPEN, IN_NONBLOCK = 0x20, 0o4000
