@@ -57,11 +57,14 @@ def test_an_animated_picture_is_a_clip_or_said_to_be_one_that_is_not_read(tmp_pa
     first, *others = map(Image.fromarray, np.repeat(PICTURES, 2, axis=1).repeat(2, axis=2))
     first.save(path, save_all=True, append_images=others, duration=100)
     try:
-        assert frames(path) == len(PICTURES)
+        said = frames(path)
+    except InputError as error:
+        said = str(error)
+    if suffix == "webp" and isinstance(said, str):  # which older FFmpeg does not read
+        assert "animated picture" in said
+    else:
+        assert said == len(PICTURES)
         assert open_clip(path).warnings == ()
-    except InputError as error:  # older FFmpeg reads no animated WebP
-        assert suffix == "webp"
-        assert "animated picture" in str(error)
 
 
 IN_OPEN, IN_NONBLOCK = 0x20, 0o4000
