@@ -2,10 +2,10 @@
 
     L = s P + (1 - s) g (E exp(v) - FLOOR), + sources
 
-P is the photo without its object and s its share, which fades out at its border. E is the estimate without its sources
-and without what it shows of the photo, v = ln P - ln E where the photo is seen. Around it v goes on by a screened
-Poisson equation (place.screened), so that nothing ends at the photo's border, and fades out: far away the panorama is
-the estimate. What is not known is smooth. The gain g is smooth, too: with the least change it gives the
+P is the photo without its object and s its share, which fades out towards its border and its object, so that nothing
+seems cut off. E is the estimate without its sources and without what it shows of the photo, v = ln P - ln E where the
+photo is seen, blurred. Around it v goes on by a screened Poisson equation (place.screened) and fades out: far away the
+panorama is the estimate. What is not known is smooth. The gain g is smooth, too: with the least change it gives the
 luminance the estimate's nine harmonics; a coloured object colours the light, not what the photo shows.
 """
 
@@ -48,6 +48,11 @@ BESIDE_DEG = 6.0
 """Angle [degrees] around the photo in which the estimate is blurred with what it shows of the photo."""
 SMOOTH = 20.0
 """Sharpness (light.filtering) of the estimate's blur, about 10 degrees: finer structure of its light is not known."""
+GOING_ON, SOFT = 240.0, 60.0
+"""Sharpness (light.filtering) of the blur, about 3 degrees, that the photo passes into at its border, and of the one,
+about 6 degrees, that says how near the border is."""
+SHARP = (0.75, 0.95)
+"""Blurred cover from which on the photo begins to be seen sharp, and is; at a straight border it is a half."""
 HELD, LEAST_WEIGHT = 1e3, 1e-6
 """Weight of what is seen, where 1 is the screening's; and of what is not."""
 LEAST_SEEN = 1e-3
@@ -166,16 +171,21 @@ def _place(
     values = np.concatenate([level, np.ones_like(level), (lack - level)[..., :2]], axis=-1)
     weight = HELD * seen + (1 - within) + LEAST_WEIGHT
     reach = np.radians(np.array([BRIGHTNESS_DEG, BRIGHTNESS_DEG, HUE_DEG, HUE_DEG]).T)
-    found = screened(values * (HELD * seen / weight), weight[..., 0], reach)
+    found = _soft(screened(values * (HELD * seen / weight), weight[..., 0], reach), GOING_ON)
     level, continued, hue = found[..., :1], found[..., 1:2], found[..., 2:]
     ln = ln + level + np.concatenate([hue, -hue.sum(axis=-1, keepdims=True)], axis=-1)
-    smooth = enlarged_map(np.concatenate([ln, continued, seen], axis=-1), rows)
-    share = np.clip(2 * smooth[..., 4:] - 1, 0.0, 1.0)
+    smooth = enlarged_map(np.concatenate([ln, continued, _soft(seen, SOFT)], axis=-1), rows)
+    share = np.clip((smooth[..., 4:] - SHARP[0]) / (SHARP[1] - SHARP[0]), 0.0, 1.0)
     drawn, cover = reduced(drawn, rows), reduced(cover, rows)
     share = np.minimum(share * share * (3 - 2 * share), cover)
     around = np.maximum(np.exp(smooth[..., :3]) - FLOOR, 0.0)
     picture = around + share * (drawn / np.maximum(cover, LEAST_SEEN) - around)
     return picture, share, np.clip(smooth[..., 3:4], 0.0, 1.0)
+
+
+def _soft(values: np.ndarray, sharpness: float) -> np.ndarray:
+    """Blur a map [SOLVED_ROWS, 2 SOLVED_ROWS, C]."""
+    return enlarged_map(blur_cosine_power(reduced(values, MAP_HEIGHT), sharpness), SOLVED_ROWS)
 
 
 def in_frame(radiance: np.ndarray, frame_from_camera: np.ndarray) -> np.ndarray:
