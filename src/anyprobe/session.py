@@ -1,4 +1,4 @@
-"""A request's way to its light, in the four steps that the command line, the server and Blender take.
+"""A request's way to its light, in the four steps that the command line and the server take; Blender takes two.
 
 shots, turns = open(shots, poses)           # photos as given, completed by their cameras' poses
 photos = (mark(shot) for shot in shots)     # read, the object found
