@@ -89,7 +89,7 @@ def draw_photo_frame(rng: np.random.Generator, view: np.void) -> Frame:
     for _ in range(30):
         most = float(own / np.exp(rng.uniform(*np.log(OBJECT_SHARE))) * aspect)
         common = COMMON_DEG[0] < 2 * np.degrees(np.arctan(most)) < COMMON_DEG[1]
-        if low < most < high and rng.random() < (1.0 if common else 0.35):
+        if low < most < high and rng.random() < (1.0 if common else 1 - COMMON):
             break
     most = float(np.clip(most, max(low, own * 1.02), max(high, own * 1.02)))
     tangents = (most / aspect, most) if portrait else (most, most / aspect)
