@@ -9,6 +9,7 @@ from anyprobe.core.frames import rotation_x
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.relight.shadow import GroundShadow, sample_sky, sky_irradiance
 from anyprobe.render.mesh import Mesh
+from anyprobe.render.shadow_maps import sharp_shares
 from anyprobe.render.shapes import sphere
 
 RADIUS = 0.5
@@ -134,3 +135,17 @@ def test_ground_is_lit_by_what_stands_on_it():
         at = surroundings(shadow, distance * RADIUS)
         hidden, sent = 1 - shadow.at(at).mean(), shadow.with_light(np.full(3, 0.5)).at(at).mean() - shadow.at(at).mean()
         assert sent == pytest.approx(0.5 * hidden, rel=0.15)
+
+
+def test_a_sharp_shadow_of_a_sphere_is_a_cylinder_behind_it():
+    """A point is dark when the ray from it to the light passes the middle by less than the radius, ahead of it."""
+    directions = np.array([[0.0, 1.0, 0.0], [0.6, 0.64, 0.48]])
+    points = FOOT + np.random.default_rng(3).uniform(-2, 2, (4000, 3))
+    to_middle = FOOT + RADIUS * UP - points
+    for direction, share in zip(directions, sharp_shares(unit_sphere(), points, directions), strict=True):
+        ahead = to_middle @ direction
+        apart = np.linalg.norm(to_middle - ahead[:, None] * direction, axis=1) / RADIUS
+        dark, beside, before = (apart < 0.95) & (ahead > RADIUS), apart > 1.05, ahead < -RADIUS
+        assert min(dark.sum(), beside.sum(), (before & (apart < 1)).sum()) > 50
+        assert share[dark].max() == 0.0
+        assert share[beside | before].min() == 1.0

@@ -135,8 +135,9 @@ def passed(
 
     nearest: depth towards the light, -inf where there is nothing, which the border must be. place: row and column.
     """
-    place = np.clip(place, 0, np.array(nearest.shape) - 1.001)
-    corner = place.astype(int)
+    most = np.array(nearest.shape) - 1
+    place = np.clip(place, 0, most)
+    corner = np.minimum(place.astype(int), most - 1)
     (y, x), (row, column) = (place - corner).T, corner.T
     upper, lower = (
         (nearest[r, column] <= depth) * (1 - x) + (nearest[r, column + 1] <= depth) * x for r in (row, row + 1)
