@@ -21,8 +21,13 @@ CONTRAST, TINT = 0.12, 0.1
 """Standard deviations of ln of the exponent that a map is raised to, and of its white."""
 BLENDS, LAMPS = 0.3, 0.25
 """Shares of lights for tables that are a blend of two, or get lamps."""
+JOINED, JOIN_DEG = 0.6, (50.0, 180.0)
+"""Share of lights that are one place on one side and another on the other, of the same kind, and how wide they pass
+into each other: else a network learns places by heart, and tells from what is in front what is behind."""
+STRETCHED = 0.3
+"""Most that a light is stretched and pressed along the horizon, as a share."""
 MOVED = {"real": 0.35, "ground": 0.25}
-"""Shares of lights whose sources are moved: else a network learns the places by heart, and where their sources are."""
+"""Shares of lights whose sources are moved."""
 LAMP_DEG, LAMP_POWER, LAMP_TINT = (1.0, 20.0), (0.1, 3.0), 0.3
 """Bounds of a lamp's radius, of its power as a share of all other light, and its colour's spread."""
 REACH_DEG = 13.0
@@ -43,16 +48,48 @@ class Light:
     name: str
 
 
-def varied(
-    one: np.ndarray, turn: int, mirror: bool, other: np.ndarray, share: float, exponent: float, white: np.ndarray
-) -> np.ndarray:
-    """Return ((1 - share) one + share other) ** exponent times white, [LIGHT_ROWS, 2 LIGHT_ROWS, 3] of mean luminance
-    1; one [H, 2H, 3] is mirrored, enlarged and turned by columns."""
-    times = LIGHT_ROWS // len(one)
-    out = np.roll((one[:, ::-1] if mirror else one).repeat(times, 0).repeat(times, 1), turn, axis=1)
-    if share:
-        out = np.float32(1 - share) * out + np.float32(share) * other
-    out = np.power(out + np.float32(1e-9), np.float32(exponent)) * white.astype(np.float32)
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Turn:
+    """How a map's columns are placed: turned by `by` [columns], mirrored or not, and stretched on one side, by how much
+    and about which column."""
+
+    by: int
+    mirror: bool
+    stretch: float
+    about: int
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator) -> Turn:
+        """Draw one."""
+        columns, stretch = 2 * LIGHT_ROWS, float(rng.uniform(0.0, STRETCHED))
+        return cls(
+            by=int(rng.integers(columns)),
+            mirror=bool(rng.random() < 0.5),
+            stretch=stretch,
+            about=int(rng.integers(columns)),
+        )
+
+    def __call__(self, one: np.ndarray) -> np.ndarray:
+        """Return a map [H, 2H, 3] at [LIGHT_ROWS, 2 LIGHT_ROWS, 3], turned."""
+        columns, times = 2 * LIGHT_ROWS, LIGHT_ROWS // len(one)
+        at = np.arange(columns) - self.about
+        at = at + self.stretch * columns / (2 * np.pi) * np.sin(2 * np.pi / columns * at) + self.by
+        at = np.round(at).astype(int) % columns
+        return one[:, ((columns - 1 - at) if self.mirror else at) // times].repeat(times, 0)
+
+
+def joined(one: np.ndarray, other: np.ndarray, middle: int, half: float, passing: float) -> np.ndarray:
+    """Return one map [H, 2H, 3], and the other within `half` of a column, passing over so many columns."""
+    columns = one.shape[1]
+    away = np.abs((np.arange(columns) - middle + columns / 2) % columns - columns / 2)
+    share = np.clip((half - away) / passing + 0.5, 0.0, 1.0)
+    share = (share**2 * (3 - 2 * share)).astype(np.float32)[:, None]
+    return one + share * (other - one)
+
+
+def varied(radiance: np.ndarray, exponent: float, white: np.ndarray) -> np.ndarray:
+    """Return radiance ** exponent times white, of mean luminance 1."""
+    out = np.power(radiance + np.float32(1e-9), np.float32(exponent)) * white.astype(np.float32)
     out /= max(float((luminance(out).mean(axis=1) * row_shares(LIGHT_ROWS)).sum()), 1e-9)
     return out
 
@@ -170,20 +207,26 @@ def _directions() -> np.ndarray:
 def draw_light(rng: np.random.Generator, maps: Maps, kind: str) -> Light:
     """Draw a light for a kind of place: "ground" a real map as it is, "real" one varied, "procedural", or "dark"."""
     if kind == "procedural" or (kind == "ground" and rng.random() < 0.06):
-        number = int(rng.integers(len(maps.places)))
-        one, outdoors, name = maps.places[number], float(maps.placed_outdoors[number]), "procedural"
+        pool, kinds, names = maps.places, maps.placed_outdoors, None
+        weights = np.full(len(pool), 1.0 / len(pool))
     else:
-        number = int(rng.choice(len(maps.names), p=maps.grounds if kind == "ground" else maps.weights))
-        one, outdoors, name = maps.real[number], float(maps.outdoors[number]), maps.names[number]
-    share, other = 0.0, one
-    if kind == "real" and rng.random() < BLENDS:
-        second = int(rng.choice(len(maps.names), p=maps.weights))
-        share, other = float(rng.uniform(0.2, 0.8)), maps.real[second]
-        outdoors = outdoors if outdoors == maps.outdoors[second] else np.nan
+        pool, kinds, names = maps.real, maps.outdoors, maps.names
+        weights = maps.grounds if kind == "ground" else maps.weights
+    number = int(rng.choice(len(pool), p=weights))
+    outdoors, name = float(kinds[number]), names[number] if names else "procedural"
+    radiance = Turn.draw(rng)(pool[number])
+    if rng.random() < JOINED:
+        alike = weights * (kinds == outdoors if outdoors in (0.0, 1.0) else np.isnan(kinds))
+        other = Turn.draw(rng)(pool[int(rng.choice(len(pool), p=alike / alike.sum()))])
+        half, passing = rng.uniform(0.125, 0.375), rng.uniform(*JOIN_DEG) / 360
+        columns = 2 * LIGHT_ROWS
+        radiance = joined(radiance, other, int(rng.integers(columns)), half * columns, passing * columns)
+    elif kind == "real" and rng.random() < BLENDS:
+        second = int(rng.choice(len(pool), p=weights))
+        radiance = radiance + np.float32(rng.uniform(0.2, 0.8)) * (Turn.draw(rng)(pool[second]) - radiance)
+        outdoors = outdoors if outdoors == kinds[second] else np.nan
     white = tint(rng, TINT if kind != "ground" else 0.5 * TINT)
-    exponent = float(np.exp(rng.normal(0.0, CONTRAST)))
-    turn, mirror = int(rng.integers(2 * LIGHT_ROWS)), bool(rng.random() < 0.5)
-    radiance = varied(one, turn, mirror, other, share, exponent, white)
+    radiance = varied(radiance, float(np.exp(rng.normal(0.0, CONTRAST))), white)
     if kind == "dark":
         return make_light(_dark(rng, radiance), np.nan, name, 0)
     if rng.random() < MOVED.get(kind, 0.0):
