@@ -107,14 +107,24 @@ def test_tiles_and_mipmaps(tmp_path):
         np.testing.assert_array_equal(read((tmp_path / name).read_bytes()), RGB)
 
 
-@pytest.mark.parametrize("window", [(-5, 3, 58, 42), (10, -20, 73, 19), (200, 0, 263, 39), (-3, -3, 60, 36)])
+def windowed(x0: int, y0: int, x1: int, y1: int) -> bytes:
+    corners = np.array([x0, y0], np.int32), np.array([x1, y1], np.int32)
+    return exr(named(RGB, "RGB"), dataWindow=corners, displayWindow=(np.zeros(2, np.int32), np.full(2, 49, np.int32)))
+
+
+@pytest.mark.parametrize("window", [(-5, 3, 58, 42), (10, -20, 73, 19), (49, 49, 112, 88), (-3, -3, 60, 36)])
 def test_data_lies_in_the_display_window(window):
     x0, y0, x1, y1 = window
-    corners = np.array([x0, y0], np.int32), np.array([x1, y1], np.int32)
-    data = exr(named(RGB, "RGB"), dataWindow=corners, displayWindow=(np.zeros(2, np.int32), np.full(2, 49, np.int32)))
+    data = windowed(*window)
     wide = np.zeros((300, 600, 3), np.float32)
     wide[100 + y0 : 101 + y1, 100 + x0 : 101 + x1] = RGB
     np.testing.assert_array_equal(read(data), wide[100:150, 100:150])
+
+
+@pytest.mark.parametrize("window", [(200, 0, 263, 39), (-64, 0, -1, 39), (0, 50, 63, 89), (0, -40, 63, -1)])
+def test_data_outside_the_display_window_is_refused(window):
+    with refused(naming="outside"):
+        read(windowed(*window))
 
 
 @pytest.mark.parametrize("compression", ["NO", "RLE", "ZIPS", "ZIP", "PIZ", "PXR24", "B44", "B44A", "DWAA", "DWAB"])

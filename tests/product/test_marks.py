@@ -18,6 +18,8 @@ def test_rows_are_read_in_each_usual_form(tmp_path):
         'photo,box,click\na.png,"1,2,30,40",\nb.png,,"5,6;7,8"\n',
         "\ufeffphoto;box;click\r\nphotos/a.png;1,2,30,40;\r\nphotos\\b.png;;5,6 7,8\r\n",
         "photo\tclick\tbox\na.png\t\t1,2,30,40\nb.png\t5,6;7,8\n",
+        "sep=;\r\nPhoto;Box;Click;\r\na.png;1,2,30,40;;\r\nb.png;;5,6 7,8;\r\n;;;\r\n",
+        '"sep=,"\rphoto,click,box\ra.png,,"1,2,30,40"\rb.png,"5,6;7,8",\r',
     ):
         path.write_text(text, encoding="utf-8", newline="")
         assert read_marks(path) == wanted
@@ -42,6 +44,7 @@ def test_a_spreadsheet_s_unicode_text_is_read_and_another_encoding_is_named(tmp_
         ("photo,box\na.png,1,2,3,4\n", "quote", ()),
         ('photo,box\na.png,"1,2,3,4"\na.png,"1,2,3,4"\n', "a.png again", ()),
         ('photo,box\nb.png,"1,2,3,4"\n', "'b.png'", ()),
+        ("sep=\t\nphoto\tbox\na.png\t1,2\n", "X0,Y0,X1,Y1", ("box",)),
     ],
 )
 def test_what_cannot_be_used_is_named(tmp_path, text, naming, subject):

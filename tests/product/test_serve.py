@@ -156,6 +156,21 @@ def test_several_photos_that_lack_something_are_refused(client, photo, count, fi
     assert refusal(post(client, "/v1/estimate", [photo] * count, **fields))["subject"] == [subject]
 
 
+@pytest.mark.parametrize(
+    ("address", "fields", "subject"),
+    [
+        ("mask", {}, "photo"),
+        ("photo", {}, "photo"),
+        ("export/three", {}, "photo"),
+        ("estimate", {"poses": transforms(TURNS), "fov": ["50", "60"]}, "fov"),
+    ],
+)
+def test_a_field_sent_twice_where_one_is_read_is_refused(client, photo, address, fields, subject):
+    said = refusal(post(client, f"/v1/{address}", [photo] * 2, **fields))
+    assert said["subject"] == [subject]
+    assert "expected one, got 2" in said["detail"]
+
+
 def test_unknown_fields_are_refused_and_the_nearest_is_named(client, photo):
     assert "did you mean include?" in refusal(post(client, "/v1/estimate", photo, inclde="mask"))["detail"]
     assert refusal(client.post("/v1/estimate", content=photo))["subject"] == ["photo"]

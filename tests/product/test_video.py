@@ -8,6 +8,7 @@ import struct
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -32,7 +33,7 @@ from anyprobe.notices import Notice, give
 from anyprobe.relight.insert import Arrangement
 from anyprobe.render.shapes import sphere
 from anyprobe.video import run as run_module
-from anyprobe.video.clip import clip_size, join_pieces, open_clip, read_frames, write_piece
+from anyprobe.video.clip import clip_size, frame_rate, join_pieces, open_clip, read_frames, write_piece
 from anyprobe.video.following import MaskFollower
 from anyprobe.video.run import ClipRun, VirtualObject
 from anyprobe.video.track import Progress, load_progress, save_progress
@@ -128,6 +129,16 @@ def test_command_writes_a_track_and_maps(command, work, made):
     np.testing.assert_allclose(last["sh9"], project(steady), rtol=0.01, atol=0.01)
     assert np.linalg.norm(last["dominant_light"]["direction"]) == pytest.approx(1, abs=1e-4)
     assert np.shape(last["sh9_ambient"]) == (9, 3)
+
+
+def test_frames_per_second_are_those_of_the_frames(begin, tmp_path):
+    """Some animations state the resolution of their times."""
+    run = begin(tmp_path / "out")
+    run.clip = replace(run.clip, fps=100_000.0)
+    assert "states 100000 frames per second; track.json has 24" in run(lambda done: None).notes[-1]
+    assert json.loads((tmp_path / "out" / "track.json").read_text())["fps"] == pytest.approx(FPS, rel=1e-4)
+    assert [frame_rate(fps, [0.0, 0.5]) for fps in (1.5, 2.0, 100_000.0)] == [1.5, 2.0, 2.0]
+    assert frame_rate(100_000.0, [0.0]) == 1000.0
 
 
 @pytest.mark.ci

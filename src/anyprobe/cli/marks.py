@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import io
 from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Mapping
 from pathlib import Path
@@ -37,17 +36,21 @@ def read_marks(path: Path) -> Marks:
         text = data.decode("utf-16" if data.startswith((BOM_UTF16_LE, BOM_UTF16_BE)) else "utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError("expected text in UTF-8, got other bytes; save it as CSV UTF-8", source=path) from error
-    first = text.partition("\n")[0]
+    lines = text.splitlines(keepends=True)
+    first = "".join(lines[:1]).strip('\r\n"')
+    said = first.lower().startswith("sep=")
     delimiter = next((one for one in ("\t", ";") if one in first), ",")
-    reader = csv.DictReader(io.StringIO(text, newline=""), delimiter=delimiter, skipinitialspace=True)
-    names = [name.strip() for name in reader.fieldnames or ()]
-    unknown = [name for name in names if name not in COLUMNS]
+    reader = csv.DictReader(lines[said:], delimiter=delimiter, skipinitialspace=True)
+    names = [name.strip().lower() for name in reader.fieldnames or ()]
+    unknown = [name for name in names if name and name not in COLUMNS]
     if unknown or "photo" not in names:
         got = f"{unknown[0]!r}{did_you_mean(unknown[0], COLUMNS)}" if unknown else "no column photo"
         raise InputError(f"expected the columns {', '.join(COLUMNS)}, got {got}", source=path)
     reader.fieldnames = names
     marks: dict[str, dict[str, Any]] = {}
-    for number, row in enumerate(reader, start=2):
+    for number, row in enumerate(reader, start=2 + said):
+        if not any(row.values()):
+            continue  # spreadsheets write rows of delimiters alone
         try:
             name, given = _read_row(row)
         except InputError as error:

@@ -193,13 +193,19 @@ def read_channel(image: ImageInput, name: str) -> np.ndarray:
 
 
 def in_display(pixels: np.ndarray, spec: ImageSpec) -> np.ndarray:
-    """Place pixels [H, W, ...] of the data window in the display window: overscan is cropped, missing data is zero."""
+    """Place pixels [H, W, ...] of the data window in the display window: overscan is cropped, missing data is zero.
+
+    Raises:
+        ValueError: they do not overlap.
+    """
     windows = spec.x - spec.full_x, spec.y - spec.full_y, spec.width, spec.height
     if windows == (0, 0, spec.full_width, spec.full_height):
         return pixels
     x, y = windows[:2]
     canvas = np.zeros((spec.full_height, spec.full_width, *pixels.shape[2:]), dtype=pixels.dtype)
     inside = pixels[max(-y, 0) : max(spec.full_height - y, 0), max(-x, 0) : max(spec.full_width - x, 0)]
+    if not inside.size or x >= spec.full_width or y >= spec.full_height:
+        raise ValueError("its data window lies outside its display window")
     place = canvas[max(y, 0) : max(y, 0) + inside.shape[0], max(x, 0) : max(x, 0) + inside.shape[1]]
     place[...] = inside[: place.shape[0], : place.shape[1]]
     return canvas

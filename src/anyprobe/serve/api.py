@@ -194,6 +194,7 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
         """
         media = answers.choose_type(request, answers.LIGHT_TYPES)
         include = forms.included(form)
+        await forms.check_once(request, form)
         shots, turns = await forms.photos_sent(form)
         extracts: list[Extract] = []
         masks: list[bytes | None] = []
@@ -223,6 +224,7 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
     ) -> Response:
         """Return the mask that an estimate would use: a grey PNG of the upright photo's size."""
         media = answers.choose_type(request, answers.MASK_TYPES)
+        await forms.check_once(request, form)
         shot = await forms.photo_sent(form)
         task = partial(tasks.mask, as_json=media == answers.JSON)
         found = await decode(request, task, shot, tasks.is_quick(shot))
@@ -235,6 +237,7 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
         request: Request, form: Annotated[PhotoForm, FormBody(media_type="multipart/form-data")]
     ) -> Response:
         """Convert a photo that browsers cannot open (HEIC, RAW, TIFF) to an upright sRGB PNG of at most 2048 pixels."""
+        await forms.check_once(request, form)
         shot = await forms.photo_sent(form)
         picture, fov_deg = await decode(request, tasks.upright, shot, tasks.is_quick(shot))
         headers = {} if fov_deg is None else {"X-Long-Fov-Deg": f"{fov_deg:.3f}"}
@@ -252,6 +255,7 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
         form: Annotated[ExportForm, FormBody(media_type="multipart/form-data")],
     ) -> Response:
         """Export a map as the files of one target, in a zip."""
+        await forms.check_once(request, form)
         task = partial(
             tasks.export_zip,
             target=target,

@@ -9,7 +9,7 @@ from pathlib import PurePosixPath
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from fastapi import UploadFile
+from fastapi import Request, UploadFile
 from fastapi.exceptions import RequestValidationError
 from pydantic import BaseModel, ConfigDict, Field, create_model
 
@@ -135,6 +135,15 @@ def refusal(error: RequestValidationError, address: str) -> InputError:
         return InputError(f"expected a file, got text; send it as a file part (curl -F {name}=@FILE)", subject=name)
     text = first["msg"][:1].lower() + first["msg"][1:]
     return InputError(f"expected another value ({text}), got {got!r}; see /api/", subject=name)
+
+
+async def check_once(request: Request, form: Form) -> None:
+    """Raise InputError for a field that is sent several times where one is read."""
+    sent = await request.form()
+    for name in sent:
+        count = len(sent.getlist(name))
+        if count > 1 and not isinstance(getattr(form, name), list):
+            raise InputError(f"expected one, got {count}; send a request for each", subject=name)
 
 
 async def photo_sent(form: Any) -> Shot:

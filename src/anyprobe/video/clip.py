@@ -248,6 +248,14 @@ def _resized(path: Path, index: int, own: tuple[int, int], size: tuple[int, int]
     )
 
 
+def frame_rate(stated: float, times_s: Sequence[float]) -> float:
+    """Return frames per second: as stated, or by the frames' times if it is more than twice that, as animations may
+    state the resolution of their times; at most one per LEAST_STEP_S."""
+    steps = len(times_s) - 1
+    measured = steps / (times_s[-1] - times_s[0]) if steps else stated
+    return min(measured if stated > 2 * measured else stated, 1 / LEAST_STEP_S)
+
+
 def clip_size(clip: Clip) -> tuple[int, int]:
     """Return width and height of the first frame as shown [pixels]; 0, 0 if none can be decoded."""
     frame = next(read_frames(clip, []), None)

@@ -30,7 +30,7 @@ from anyprobe.relight.insert import Arrangement, Stage
 from anyprobe.relight.shadow import GroundShadow
 from anyprobe.render.mesh import Mesh
 from anyprobe.scatter.materials import Material
-from anyprobe.video.clip import Clip, Frame, join_pieces, read_frames, write_piece
+from anyprobe.video.clip import Clip, Frame, frame_rate, join_pieces, read_frames, write_piece
 from anyprobe.video.following import MaskFollower
 from anyprobe.video.preview import beside_frame, light_picture, preview_ev
 from anyprobe.video.track import PIECES, Progress, describe, forget_progress, load_progress, save_progress, write_track
@@ -167,7 +167,11 @@ class ClipRun:
             shutil.rmtree(self.folder / PIECES, ignore_errors=True)
             forget_progress(self.folder)
             raise InputError(f"no frame gave a light; {done.frames[0]['error']}", source=self.clip.path)
-        write_track(self.folder / "track.json", done, self.clip.fps, size)
+        fps = frame_rate(self.clip.fps, [one["time_s"] for one in done.frames])
+        if fps != self.clip.fps:
+            stated = f"{self.clip.path.name}: states {self.clip.fps:g} frames per second"
+            notes.append(f"{stated}; track.json has {fps:g}, by its frames' times")
+        write_track(self.folder / "track.json", done, fps, size)
         join_pieces(self.folder / "light.mp4", self._pieces(LIGHT))
         if self.virtual is not None:
             join_pieces(self.folder / "relit.mp4", self._pieces())
