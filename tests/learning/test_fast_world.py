@@ -17,7 +17,7 @@ from anyprobe_train.world.batch import LightBatch, World, make_batch, sources_of
 from anyprobe_train.world.hits import grid_start, panel_point
 from anyprobe_train.world.kernels import light_panels, probe_map
 from anyprobe_train.world.layout import Layout, Panel, build_scene, falling
-from anyprobe_train.world.lights import Light, levels
+from anyprobe_train.world.lights import Light, Turn, joined, levels
 from anyprobe_train.world.march import blocked_each
 from anyprobe_train.world.scene import FREE, GRID_POINTS, LIT
 from anyprobe_train.world.views import VIEW
@@ -108,6 +108,21 @@ def test_the_foot_of_a_sphere_is_dark_under_an_even_sky():
     far = (distance > 2.0) & (distance < 6.0)
     expected = 1 - (1 + distance[far] ** 2) ** -1.5
     assert np.abs(share[far] - expected).mean() < 0.02
+
+
+def test_a_place_is_turned_mirrored_and_joined_to_another_by_columns():
+    columns = np.arange(512)
+    one = np.broadcast_to(columns[None, :, None], (256, 512, 3)).astype(np.float32)
+    turned = Turn(by=40, mirror=False, stretch=0.0, about=100)(one)
+    assert np.array_equal(turned[0, :, 0], (columns - 60) % 512)
+    mirrored = Turn(by=40, mirror=True, stretch=0.0, about=100)(one)
+    assert np.array_equal(mirrored[0, :, 0], 511 - turned[0, :, 0])
+    stretched = Turn(by=0, mirror=False, stretch=0.3, about=0)(one)[0, :, 0]
+    assert stretched[[0, 256]].tolist() == [0, 256]
+    assert np.diff(stretched).max() == 2  # 1.3 columns for one
+    nothing = np.zeros((256, 512, 3), np.float32)
+    both = joined(nothing, nothing + 1, 500, 64.0, 32.0)[0, :, 0]
+    assert both[[500, 20, 436, 250]].tolist() == [1.0, 1.0, 0.5, 0.0]
 
 
 def test_compiled_rays_are_those_of_the_runtime():
