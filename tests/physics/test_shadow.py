@@ -90,6 +90,7 @@ def test_shadow_has_the_other_lights_color():
     assert left[2] > 0.95
 
 
+@pytest.mark.ci
 def test_light_that_does_not_reach_the_ground_is_not_lost_again():
     """Of two lamps a wall keeps one off: its shadow is gone, and the other's is all the light that there is."""
     kept, other = np.array([1.0, 1, 0]), np.array([-1.0, 1, 0])

@@ -62,6 +62,7 @@ def test_still_scene_is_still(rng, fps):
     assert states[-1].soft.noise == pytest.approx(FRAME_NOISE, rel=0.2)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("fps", [10, 15, 30])
 @pytest.mark.parametrize("still_before_s", [0.5, 4.0])
 def test_moved_emitter_is_followed_within_half_a_second(rng, fps, still_before_s):
@@ -93,6 +94,7 @@ def test_slow_drift_is_followed_though_each_frame_hides_in_the_noise(rng):
     assert behind / rate < 0.3  # seconds; the noise band over the rate
 
 
+@pytest.mark.ci
 def test_uneven_frames_give_what_even_ones_do(rng):
     """The same second and a half after a step, cut into 45 even or 45 uneven pieces."""
     uneven = rng.uniform(0.2, 1.8, size=45)
@@ -174,6 +176,7 @@ def test_sources_that_tremble_and_blink_leave_no_ghosts(rng):
     assert kept == pytest.approx(2.0 + 0.8 * 0.8, rel=0.2)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("moved_deg", [20, 90])
 def test_a_source_that_is_elsewhere_is_followed_within_half_a_second(rng, moved_deg):
     to = rotation_y(np.radians(moved_deg)) @ SUN
@@ -205,6 +208,7 @@ def views(rng, seconds: float, sun=lambda t: SUN, aside_deg: float = 14.0):
         yield seen(rng, sun=off @ sun(i / FPS), pose=pose), pose
 
 
+@pytest.mark.ci
 def test_what_estimates_differ_by_from_side_to_side_turns_no_light(rng):
     state, toward = None, []
     for frame, pose in views(rng, 3):

@@ -80,6 +80,7 @@ def test_an_inserted_object_has_the_grain_of_its_photo():
     np.testing.assert_array_equal(np.ptp(pictures[0] - pictures[1], axis=-1).round(5), 0)  # grey grain
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(("level", "hidden"), [(0.15, True), (0.6, False)])
 def test_a_dark_ground_is_said_as_shadows_do_not_show_there(level, hidden):
     stage = Stage(photo_of(level, 1.0, 0.005), sphere(24), Arrangement(at=(40.0, 150.0)))

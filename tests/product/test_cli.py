@@ -77,6 +77,7 @@ def test_files_that_agree(work, command):
         assert header["anyprobe:model"] == sidecar["model"]
 
 
+@pytest.mark.ci
 def test_older_results_are_replaced(work, command):
     save_sphere("vase.png", center=(40, 40))
     assert command("estimate", "vase.png").status == 0
@@ -88,6 +89,7 @@ def test_older_results_are_replaced(work, command):
     assert all(first[name] != second[name] for name in first if "_origin" not in name)  # all of a cut-out is estimated
 
 
+@pytest.mark.ci
 def test_json_lines_and_nothing_else(work, command):
     save_sphere("a.png")
     Image.new("RGB", (128, 96), "grey").save("b.png")  # nothing to be found
@@ -105,6 +107,7 @@ def test_json_lines_and_nothing_else(work, command):
         assert all(Path(file).is_file() for file in one["files"].values())
 
 
+@pytest.mark.ci
 def test_quiet_says_nothing_but_errors(work, command):
     save_sphere("a.png")
     outcome = command("estimate", "a.png", "-q")
@@ -117,6 +120,7 @@ def test_quiet_says_nothing_but_errors(work, command):
 # Several photos
 
 
+@pytest.mark.ci
 def test_one_bad_photo_does_not_stop_the_others(work, command):
     save_sphere("first.png")
     (work / "second.png").write_text("no photo")
@@ -138,6 +142,7 @@ def test_one_bad_photo_does_not_stop_the_others(work, command):
     assert "second.png" in table[5]
 
 
+@pytest.mark.ci
 def test_results_of_a_folder_are_named_as_they_are_written(work, command):
     save_sphere("a.png")
     save_sphere("a.tif")
@@ -147,6 +152,7 @@ def test_results_of_a_folder_are_named_as_they_are_written(work, command):
     assert outcome.err.rstrip().endswith("<stem>.json, <stem>.png; <stem> is a_png, a_tif, b")
 
 
+@pytest.mark.ci
 def test_folders_and_files_together(work, command):
     save_sphere("many/a.png")
     save_sphere("many/b.webp", center=(40, 48))
@@ -156,6 +162,7 @@ def test_folders_and_files_together(work, command):
     assert names("out") == results("a", "b", "single")
 
 
+@pytest.mark.ci
 def test_masks_from_a_folder_by_stem(work, command):
     centers = {"left": (40, 48), "right": (90, 50)}
     for stem, center in centers.items():

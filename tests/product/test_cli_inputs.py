@@ -24,6 +24,7 @@ def write_exr(path, rgba: np.ndarray) -> None:
     OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION}, {"RGBA": values}).write(str(path))
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("together", [False, True])
 def test_an_error_of_a_mask_names_the_photo_it_is_of(work, command, photo_rgba, photo_mask, together):
     """Once: what names it by itself stays as it is."""
@@ -63,6 +64,7 @@ def test_a_file_is_no_folder_for_results(work, command, words):
     assert list(work.iterdir()) == []
 
 
+@pytest.mark.ci
 def test_a_folder_that_is_there_or_has_a_dot_takes_results(work, command, photo_path):
     (work / "out.exr").mkdir()
     for out in ("out.exr", "v1.2"):

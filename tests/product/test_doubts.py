@@ -63,6 +63,7 @@ class FindsNothing:
         return np.zeros((32, 32), np.float32)
 
 
+@pytest.mark.ci
 def test_an_environment_map_given_as_the_photo_is_said(tmp_path, command):
     """By its shape, and only where nobody says what the object is: a photo may be an .exr twice as wide as high."""
     around = place(2)

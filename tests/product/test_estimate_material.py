@@ -41,6 +41,7 @@ def expected(estimator) -> list[tuple[dict, anyprobe.Light]]:
     return [(given, estimator(sphere_photo(), material=material)) for given, material in means]
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("entry", ["estimate", "call", "from_photo", "from_extract", "together"])
 def test_name_albedo_and_material_reach_the_light(estimator, photo_rgba, expected, entry):
     for given, light in expected:

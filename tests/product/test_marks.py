@@ -54,6 +54,7 @@ def test_what_cannot_be_used_is_named(tmp_path, text, naming, subject):
         marks_of(path, [tmp_path / "a.png"])
 
 
+@pytest.mark.ci
 def test_each_photo_of_a_folder_gets_its_own(command, work, photo_rgba):
     (work / "photos").mkdir()
     for name in ("a.png", "b.png"):

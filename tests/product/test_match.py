@@ -81,6 +81,7 @@ def test_the_map_that_lit_an_object_is_found_and_turned_as_the_camera_was(yaw, p
     assert given.argmin() == 2
 
 
+@pytest.mark.ci
 def test_background_does_not_say_where_the_camera_looked():
     turn = world_from_camera(YAW, PITCH)
     seen = np.maximum(reduced(rotate(place(2), turn.T), 64), 0.0)
@@ -218,6 +219,7 @@ def test_shading_is_compared_whatever_the_exposure():
     assert shading_apart(np.ascontiguousarray(lit[:, ::-1]), lit) > 0.9
 
 
+@pytest.mark.ci
 def test_a_map_that_shades_unlike_the_estimate_is_less_likely(folder, camera_light, monkeypatch):
     light, _ = camera_light
     ranked = light.match(folder)

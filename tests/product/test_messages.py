@@ -64,6 +64,7 @@ def client(estimator):
         yield client
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("name", [name for name, wrong in TABLE.items() if "http" in wrong.doors])
 def test_http(name, client):
     from anyprobe.serve.answers import FIELDS, PROBLEM

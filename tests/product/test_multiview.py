@@ -253,6 +253,7 @@ def test_photos_with_poses_give_one_light(command, work, photo_path):
     assert np.abs(np.log((expected + 0.01) / (lights[0].radiance + 0.01))).mean() > 0.1
 
 
+@pytest.mark.ci
 def test_the_lens_of_the_poses_counts_unless_another_is_told(command, work, photo_path):
     said = transforms([np.eye(3)], [photo_path.name], fl_x=100, w=120, camera_angle_x=9e-1)
     (work / "poses.json").write_text(said)

@@ -31,6 +31,7 @@ def test_light_is_shown_as_its_sheet():
     assert re.fullmatch(r"<Light 64 x 128, dominant light towards \(.*\)>", repr(light))
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("segmenter", [None, "small"])
 def test_the_clicks_that_the_notebook_names_find_what_its_box_does(segmenter):
     notebook = (ROOT / "docs" / "tutorials" / "first_light.ipynb").read_text(encoding="utf-8")

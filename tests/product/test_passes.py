@@ -41,6 +41,7 @@ def relight(command, tmp_path, photo):
     return lambda path, *given: command("relight", path, "--mask", mask, *given)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("at", [None, (90, 112)])
 def test_parts_compose_to_the_relit_photo(photo, at):
     """photo * shadow, and the object over it; the second is partly behind the real one."""
@@ -56,6 +57,7 @@ def test_parts_compose_to_the_relit_photo(photo, at):
     assert passes.object[..., 3].max() == 1
 
 
+@pytest.mark.ci
 def test_shadows_on_what_is_above_white_are_those_of_the_layers(photo):
     """A photo of radiance is eight times white: half in shadow it is still white."""
     bright = np.clip(inverse_response(photo.rgb), 0.3, None) * 8
@@ -67,6 +69,7 @@ def test_shadows_on_what_is_above_white_are_those_of_the_layers(photo):
     assert np.abs(difference[beside]).max() < 1 / 255
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("colorspace", ["rec709", "acescg"])
 def test_the_file_s_layers_compose_in_its_primaries(photo, tmp_path, colorspace):
     passes = passes_of(Stage(photo, sphere(24)), LIGHT, "gold")
@@ -93,6 +96,7 @@ def test_acescg_keeps_white_and_comes_back(tmp_path):
     np.testing.assert_allclose(read_radiance(tmp_path / "a.exr"), light, atol=1e-5)
 
 
+@pytest.mark.ci
 def test_a_mirror_shows_the_ground_below_and_the_light_above(photo):
     """A sphere in a photo of one colour under black light: its lower half is that colour, its upper half black."""
     colour = np.array([0.6, 0.4, 0.2], np.float32)
@@ -109,6 +113,7 @@ def test_a_mirror_shows_the_ground_below_and_the_light_above(photo):
     assert upper[..., :3].max() < 0.01
 
 
+@pytest.mark.ci
 def test_a_mirrored_ground_has_its_pattern(photo):
     """The left half of the ground is red and the right half green: so is the sphere's lower half."""
     rgb = np.full_like(photo.rgb, 0.5)

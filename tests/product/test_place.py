@@ -108,6 +108,7 @@ def test_a_membrane_between_two_values_is_straight_and_a_screened_one_fades_by_i
     np.testing.assert_allclose(found[32 + away], np.exp(-np.radians(away * 180 / 64) / reach), atol=0.03)
 
 
+@pytest.mark.ci
 def test_a_wide_photo_is_shown_sharp_away_from_its_border_and_the_object_is_not():
     radiance, _, (picture, origin) = drawn_by(100.0)
     assert picture.shape == (256, 512, 3)

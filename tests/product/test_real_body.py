@@ -92,6 +92,7 @@ def test_ground_in_the_real_objects_shade_gets_no_second_shadow(stage, body):
     assert stage.shadow(light).at(far).min() > 0.9
 
 
+@pytest.mark.ci
 def test_a_matte_ball_in_the_real_objects_shade_is_dark(stage, body):
     light = lamp_behind(body, stage.placement.foot)
     alone = stage.on(replace(stage.photo, mask=np.zeros_like(stage.photo.mask)))

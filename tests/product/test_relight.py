@@ -320,6 +320,7 @@ def pixel_box(stage: Stage) -> tuple[int, ...]:
     return (*low.astype(int), *high.astype(int))
 
 
+@pytest.mark.ci
 def test_object_in_a_large_photo_is_enlarged(photo, stage, monkeypatch):
     """Drawn coarser, then brought to its window: the same picture but for its edge."""
     whole = stage.draw(made_map(), "matte")
@@ -357,6 +358,7 @@ def test_white_object_shows_the_light_through_the_camera(photo, stage):
     np.testing.assert_allclose(picture[middle[1], middle[0]], response(np.full(3, 0.5)), atol=0.01)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("level", "material", "stops"), [(0.5, "plaster", 0), (4.0, "plaster", 1.8), (4.0, "chrome", 0)]
 )

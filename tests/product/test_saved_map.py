@@ -47,6 +47,7 @@ def described(answer) -> dict:
     return json.loads(zipfile.ZipFile(io.BytesIO(answer.content)).read("light_webxr.json"))
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("kind", [".exr", ".hdr"])
 @pytest.mark.parametrize("frame", ["level", "camera"])
 @pytest.mark.parametrize("light", [made_light(), made_light(None), made_light().rotate(rotation_y(0.7))])

@@ -74,6 +74,7 @@ def test_the_command_line_tells_surroundings(tmp_path, command):
     assert "twice as wide" in refused.err
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("kind", ["exr", "hdr"])
 def test_the_emitters_of_a_panorama_come_through_the_command(tmp_path, command, kind):
     """The network is told white there; several photos know them too, the panorama being the first one's."""

@@ -199,6 +199,7 @@ def test_command_reads_poses_and_goes_on_with_the_same_alone(command, work, made
     assert "expected one of them" in command(*order, "--insert", "sphere").complaint
 
 
+@pytest.mark.ci
 def test_every_nth_frame_has_a_light_of_its_own(whole):
     assert [one.get("same_as") for one in whole(3).progress.frames] == [None, 0, 0, None, 3, 3, None, 6, 6, None]
 
@@ -392,6 +393,7 @@ def test_pieces_join_where_frames_are_missing(tmp_path, missing):
     np.testing.assert_allclose(found, times, atol=1e-3)
 
 
+@pytest.mark.ci
 def test_relit_clip_has_every_frame_and_the_object(whole, made):
     relit = [frame.rgb for frame in read_frames(open_clip(whole(1).folder / "relit.mp4"), [])]
     plain = [frame.rgb for frame in read_frames(open_clip(made / "clip.mp4"), [])]

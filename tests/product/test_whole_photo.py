@@ -49,6 +49,7 @@ def test_the_ground_is_given_or_estimated():
     assert anyprobe.estimate(photo, mask=mask, surroundings="none").ground is None
 
 
+@pytest.mark.ci
 def test_transparent_corners_say_nothing_whatever_their_colours():
     photo, mask = on_a_table()
     alpha = np.full(mask.shape, 255, np.uint8)

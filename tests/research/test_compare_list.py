@@ -25,6 +25,7 @@ def cheap(monkeypatch) -> None:
     )
 
 
+@pytest.mark.ci
 def test_a_list_takes_the_place_of_the_frozen_pairs(cheap, tmp_path):
     recipes = balanced_recipes(AssetStore([own_map(1, 1)], [own_shape(1, 1)]), 3, 5)
     listed = tmp_path / "list.txt"
@@ -34,6 +35,7 @@ def test_a_list_takes_the_place_of_the_frozen_pairs(cheap, tmp_path):
     assert json.loads(out.read_text())["recipes"] == digest(recipes[:2])
 
 
+@pytest.mark.ci
 def test_the_frozen_pairs_need_their_own_assets(cheap, tmp_path):
     with refused(source=compare.FROZEN.name, naming="--recipes DIR/frozen_public.txt"):
         compare.compare(hdri=tmp_path, meshes=tmp_path, pairs=2, out=tmp_path / "compare.json")

@@ -70,6 +70,7 @@ def test_colour_is_of_the_dominant_light_and_sky_is_signed():
     assert rows["dark sky"]["sky_ground"] == pytest.approx(-2)
 
 
+@pytest.mark.ci
 def test_an_estimate_says_its_own_error(monkeypatch):
     light = Light(radiance=TRUTH)
     said = replace(light.dominant_light(), error_deg=3.5)
