@@ -51,7 +51,7 @@ SMOOTH = 20.0
 GOING_ON, SOFT = 240.0, 60.0
 """Sharpness (light.filtering) of the blur, about 3 degrees, that the photo passes into at its border, and of the one,
 about 6 degrees, that says how near the border is."""
-SHARP = (0.75, 0.95)
+SHARP = (0.88, 0.95)
 """Blurred cover from which on the photo begins to be seen sharp, and is; at a straight border it is a half."""
 HELD, LEAST_WEIGHT = 1e3, 1e-6
 """Weight of what is seen, where 1 is the screening's; and of what is not."""
