@@ -11,9 +11,8 @@ from anyprobe.core.response import response
 from anyprobe.errors import ModelError
 from anyprobe.estimate.light_graph import Said
 from anyprobe.estimate.runtime import Models
-from anyprobe.given_material import LEAST_REFLECTANCE
 from anyprobe.light.environment import integral
-from anyprobe.scatter.materials import total_reflectance
+from anyprobe.scatter.materials import LEAST_REFLECTANCE, total_reflectance
 from anyprobe_train.dataset.pair import Pair
 from anyprobe_train.evaluate.calibration import NEAREST, right_of
 from anyprobe_train.evaluate.methods import run_with_hints

@@ -17,9 +17,9 @@ from cyclopts import Parameter
 from anyprobe.cli.app import main as run_command
 from anyprobe.cli.options import bounded
 from anyprobe.masks.check import MIN_OBJECT_PX
+from anyprobe.masks.find import expected_iou
 from anyprobe.masks.networks import Network, SmallNetwork, U2NetP
 from anyprobe.masks.parts import grow
-from anyprobe.masks.quality import expected_iou
 from anyprobe.masks.search import Looks, Prompts, find_object
 from research.masks.cases import Case, iou
 from research.masks.clutter import cluttered

@@ -17,8 +17,8 @@ from PIL import Image, ImageDraw
 
 from anyprobe.cli.app import main as run_command
 from anyprobe.core.color import to_bytes
+from anyprobe.estimate.sheet import draw_overlay
 from anyprobe.masks.find import find_mask
-from anyprobe.masks.overlay import draw_overlay
 from anyprobe.pictures.images import read_image
 from anyprobe_train.dataset.asset_store import draw_map
 from anyprobe_train.dataset.lighting import Illuminator

@@ -8,8 +8,8 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from anyprobe.core.color import to_bytes
+from anyprobe.estimate.sheet import draw_overlay
 from anyprobe.files.atomic import atomic_path
-from anyprobe.masks.overlay import draw_overlay
 from research.masks.cases import Case
 from research.masks.scoring import PROMPTS, Row
 

@@ -21,9 +21,9 @@ from anyprobe.errors import InputError
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.photo import load_photo
 from anyprobe.estimate.result import CAMERA
+from anyprobe.estimate.sheet import draw_overlay
 from anyprobe.inputs.hints import NONE
 from anyprobe.light.environment import MAP_HEIGHT, reduced
-from anyprobe.masks.overlay import draw_overlay
 from anyprobe.pictures.images import read_image
 from anyprobe_train.evaluate.metrics import rmse
 from anyprobe_train.evaluate.standard_errors import rounded

@@ -19,9 +19,9 @@ from cyclopts import Parameter
 from PIL import Image
 
 from anyprobe.cli.app import main as run_command
+from anyprobe.cli.match import match_doubts
 from anyprobe.core.response import response
 from anyprobe.estimate.estimator import Estimator
-from anyprobe.estimate.fit_warnings import match_doubts
 from anyprobe.estimate.photo import load_photo
 from anyprobe.files.atomic import atomic_path
 from anyprobe.inputs.settings import DEFAULT_MODEL

@@ -23,10 +23,10 @@ from anyprobe.errors import AnyprobeError
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.photo import Photo, load_photo
 from anyprobe.estimate.result import Light
+from anyprobe.estimate.sheet import draw_overlay
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.objects import open_object
 from anyprobe.inputs.settings import DEFAULT_MODEL
-from anyprobe.masks.overlay import draw_overlay
 from anyprobe.relight.insert import Arrangement, Stage
 from anyprobe.render.spheres import sphere_images
 from research.model_names import titles_of

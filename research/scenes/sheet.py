@@ -10,8 +10,8 @@ from PIL import Image
 
 from anyprobe.core.color import to_bytes
 from anyprobe.core.response import response
+from anyprobe.estimate.sheet import draw_overlay
 from anyprobe.files.atomic import atomic_path
-from anyprobe.masks.overlay import draw_overlay
 from research.scenes.camera import take
 from research.scenes.layouts import draw_layout
 from research.scenes.pairs import store_of

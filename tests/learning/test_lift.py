@@ -11,10 +11,9 @@ torch = pytest.importorskip("torch", reason="needs ./train[torch]")
 from support.some_batch import some_batch  # noqa: E402
 
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles  # noqa: E402
-from anyprobe.given_material import material_input  # noqa: E402
 from anyprobe.light.light_sources import find_dominant_light  # noqa: E402
 from anyprobe.render.spheres import sphere_normals  # noqa: E402
-from anyprobe.scatter.materials import MATERIALS  # noqa: E402
+from anyprobe.scatter.materials import MATERIALS, material_input  # noqa: E402
 from anyprobe_train.dataset.asset_store import draw_map  # noqa: E402
 from anyprobe_train.nets.emitter_head import POWER_FLOOR, EmitterHead  # noqa: E402
 from anyprobe_train.nets.lifting import lift_to_map, map_pixel, mirror_direction, pyramid  # noqa: E402

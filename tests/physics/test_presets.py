@@ -6,8 +6,15 @@ import numpy as np
 import pytest
 from support.refused import refused
 
-from anyprobe.given_material import MATTE, as_material, given_material
-from anyprobe.scatter.materials import MATERIALS, MEASURED, PRESETS, total_reflectance
+from anyprobe.scatter.materials import (
+    MATERIALS,
+    MATTE,
+    MEASURED,
+    PRESETS,
+    as_material,
+    given_material,
+    total_reflectance,
+)
 
 
 @pytest.mark.parametrize("albedo", [0.18, [0.18], (0.18, 0.18, 0.18), np.float32(0.18)])

@@ -12,8 +12,7 @@ from support.scenes import sphere_photo
 import anyprobe
 from anyprobe.estimate.extract import extract_of
 from anyprobe.estimate.photo import load_photo
-from anyprobe.given_material import as_material, given_material
-from anyprobe.scatter.materials import MATERIALS
+from anyprobe.scatter.materials import MATERIALS, as_material, given_material
 
 
 def through(entry: str, estimator, rgba: np.ndarray, **given):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from anyprobe.cli.match import kind_doubts
 from anyprobe.core.latlong import pixel_directions
-from anyprobe.estimate.fit_warnings import kind_doubts
 from anyprobe.match.ranking import MISJUDGED, MISJUDGED_ESTIMATE, log_odds, same_kind
 
 

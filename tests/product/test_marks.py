@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 from support.refused import refused
 
-from anyprobe.cli.marks import marks_of, read_marks
+from anyprobe.cli.photo_files import marks_of, read_marks
 
 
 def test_rows_are_read_in_each_usual_form(tmp_path):

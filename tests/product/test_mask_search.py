@@ -10,8 +10,7 @@ from support.refused import refused
 
 from anyprobe.core.resample import resample
 from anyprobe.errors import InvalidMask
-from anyprobe.masks.find import find_mask
-from anyprobe.masks.quality import doubt, expected_iou
+from anyprobe.masks.find import doubt, expected_iou, find_mask
 from anyprobe.masks.search import Looks, Prompts, find_object
 from anyprobe.pictures.images import read_image
 

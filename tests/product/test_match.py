@@ -12,9 +12,9 @@ from support.places import place
 from support.scenes import sphere_photo
 
 import anyprobe
+from anyprobe.cli import match as match_command
 from anyprobe.core.frames import world_from_camera
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
-from anyprobe.estimate import fit_warnings
 from anyprobe.estimate.ground import Ground, up_of
 from anyprobe.estimate.result import Light
 from anyprobe.estimate.sidecar import Origin
@@ -190,7 +190,7 @@ def test_an_estimated_pitch_is_kept_to_its_error_however_doubtful(folder, camera
         found = np.array([(one.map_from_light @ turned.map_from_camera)[1, 2] for one in turned.match(folder)])
         moved = np.degrees(np.arcsin(found)) - pitch_deg
         assert 0 < np.abs(moved).max() <= 1.75 * error_deg + 1e-6
-    assert not any(doubt.code == "pitch-unknown" for doubt in fit_warnings.match_doubts(light, light.match(folder)[0]))
+    assert not any(doubt.code == "pitch-unknown" for doubt in match_command.match_doubts(light, light.match(folder)[0]))
 
 
 @pytest.mark.parametrize("known", [None, ground("guessed", 22.0)])
@@ -200,7 +200,7 @@ def test_without_an_estimated_pitch_all_are_tried_and_the_match_says_so(folder, 
     ranked = light.match(folder)
     assert np.ptp([one.pitch_deg for one in ranked]) > 25
     for shown in (light.shown, replace(light.shown, behind=behind)):
-        doubts = fit_warnings.match_doubts(replace(light, find_shown=lambda shown=shown: shown), ranked[0])
+        doubts = match_command.match_doubts(replace(light, find_shown=lambda shown=shown: shown), ranked[0])
         assert "pitch-unknown" in {doubt.code for doubt in doubts}
 
 
@@ -223,7 +223,7 @@ def test_shading_is_compared_whatever_the_exposure():
 def test_a_map_that_shades_unlike_the_estimate_is_less_likely(folder, camera_light, monkeypatch):
     light, _ = camera_light
     ranked = light.match(folder)
-    assert fit_warnings.fit_doubts(light.radiance, ranked[0].radiance(64)) == []
+    assert match_command.fit_doubts(light.radiance, ranked[0].radiance(64)) == []
     apart = np.where(np.arange(6) == ranked[0].index, 3.0, 0.0)
     with monkeypatch.context() as patched:
         patched.setattr(ranking, "shadings_apart", lambda *given: apart)
@@ -231,8 +231,8 @@ def test_a_map_that_shades_unlike_the_estimate_is_less_likely(folder, camera_lig
     misfits = [{one.name: one.misfit for one in some} for some in (ranked, again)]
     assert misfits[1]["place-2"] - misfits[0]["place-2"] > 15
     assert again[0].name != "place-2"
-    monkeypatch.setattr(fit_warnings, "OWN_ERROR", 0.0)
-    assert [one.code for one in fit_warnings.fit_doubts(light.radiance, ranked[0].radiance(64))] == ["match-fit"]
+    monkeypatch.setattr(match_command, "OWN_ERROR", 0.0)
+    assert [one.code for one in match_command.fit_doubts(light.radiance, ranked[0].radiance(64))] == ["match-fit"]
 
 
 @pytest.mark.ci

@@ -16,7 +16,7 @@ SOURCE = Path(anyprobe.__file__).parent
 TRAIN = Path(anyprobe_train.__file__).parent
 
 ORDER = (
-    "notices errors core paper light scatter given_material render files maps pictures export place match masks inputs "
+    "notices errors core paper light scatter render files maps pictures export place match masks inputs "
     "estimate session relight video serve cli __init__ __main__ "
     "anyprobe_train.__init__ anyprobe_train.nets anyprobe_train.light_graph anyprobe_train.dataset "
     "anyprobe_train.evaluate anyprobe_train.assets anyprobe_train.world anyprobe_train.train anyprobe_train.paper "
@@ -47,7 +47,7 @@ ONLY = {
     "pydantic": {"serve"},
     "starlette": {"serve"},
     "uvicorn": {"cli"},
-    "cryptography": {"serve"},
+    "cryptography": {"cli"},
     "prometheus_client": {"serve"},
 }
 """Packages that not every part may import."""

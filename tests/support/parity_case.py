@@ -20,8 +20,8 @@ from anyprobe.light.filtering import blur_cosine_power
 from anyprobe.light.light_sources import LightSource, draw_sources, find_sources, split_sources
 from anyprobe.light.temporal import step
 from anyprobe.masks.check import look_at_given
+from anyprobe.masks.find import doubt, expected_iou
 from anyprobe.masks.networks import default_graph, small_network
-from anyprobe.masks.quality import doubt, expected_iou
 from anyprobe.masks.search import Looks, Prompts, find_object
 
 HINTS = {

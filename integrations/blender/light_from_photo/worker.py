@@ -75,11 +75,11 @@ def estimate(order: dict, folder: Path) -> dict:
 
     from anyprobe import Estimator, Hints, session
     from anyprobe.estimate.ground import contact_of
+    from anyprobe.estimate.sheet import draw_overlay
     from anyprobe.export.exported_light import origin_of
     from anyprobe.export.target_frames import BLENDER
     from anyprobe.export.targets import export
     from anyprobe.masks.check import object_box
-    from anyprobe.masks.overlay import draw_overlay
     from anyprobe.pictures.images import write_png
     from anyprobe.relight.ground_view import view_of
 

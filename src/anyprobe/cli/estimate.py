@@ -20,7 +20,6 @@ from rich.table import Table
 
 from anyprobe import session
 from anyprobe.cli import options, photo_files
-from anyprobe.cli.marks import Marks, marks_of
 from anyprobe.cli.tables import print_table
 from anyprobe.errors import AnyprobeError, InputError, InvalidPhoto
 from anyprobe.files.atomic import check_folder
@@ -74,7 +73,7 @@ def estimate(
     check_rows(size)
     hints = given.hints()
     listed = photo_files.list_photos(photos)
-    marked = marks_of(marks, listed)
+    marked = photo_files.marks_of(marks, listed)
     if poses is None:
         photo_files.check_distinct(listed)
     check_folder(out)
@@ -124,7 +123,7 @@ class EstimateCall:
     estimator: Estimator
     out: Path
     hints: Hints
-    marks: Marks
+    marks: photo_files.Marks
     poses: Path | None
     as_json: bool
     listed: list[Path]

@@ -13,7 +13,7 @@ from cyclopts import Parameter
 from anyprobe.cli.options import FrameOption, JsonOption, QuietOption, folder_option
 from anyprobe.core.spelling import did_you_mean
 from anyprobe.errors import InputError
-from anyprobe.estimate.saved_map import export_settings, read_rotation
+from anyprobe.estimate.sidecar import export_settings, read_rotation
 from anyprobe.export.exported_light import check_front
 from anyprobe.export.targets import TARGETS
 

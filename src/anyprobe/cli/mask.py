@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from anyprobe.cli import photo_files
-from anyprobe.cli.marks import marks_of
 from anyprobe.cli.options import OPTIONS, JsonOption, MarksOption, Photos, PlaceOptions, QuietOption, folder_option
 from anyprobe.errors import AnyprobeError, InputError
 from anyprobe.files.atomic import check_folder
@@ -42,7 +41,7 @@ def mask(
         raise InputError("expected photos or folders of photos, got none; give one, or --fetch", subject="photo")
     hints, segmenter = place.hints(), place.open_segmenter()
     paths = photo_files.list_photos(photos)
-    marked = marks_of(marks, paths)
+    marked = photo_files.marks_of(marks, paths)
     photo_files.check_distinct(paths)
     check_folder(out)
     failed = False
@@ -71,8 +70,8 @@ def _line(summary: dict[str, Any]) -> str:
 def _write(path: Path, out: Path, hints: Hints, listed: list[Path], segmenter: NetworkSource | None) -> dict[str, Any]:
     """Write one photo's two files; return how the mask was found, for JSON."""
     from anyprobe.estimate.doubts import scale_doubts
+    from anyprobe.estimate.sheet import draw_overlay
     from anyprobe.masks.find import find_mask
-    from anyprobe.masks.overlay import draw_overlay
     from anyprobe.pictures.images import read_image, write_png
 
     targets = {kind: out / f"{photo_files.result_stem(path, listed)}_{kind}.png" for kind in ("overlay", "mask")}

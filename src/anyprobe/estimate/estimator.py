@@ -28,13 +28,12 @@ from anyprobe.estimate.refine import (
 )
 from anyprobe.estimate.result import Light
 from anyprobe.estimate.runtime import Models, model_id
-from anyprobe.given_material import Albedo, as_material, material_input
 from anyprobe.inputs.description import shown_as
 from anyprobe.inputs.hints import HintKeywords, Hints, combine
 from anyprobe.inputs.settings import SETTINGS, Keywords, SettingKeywords, Settings
 from anyprobe.masks.networks import load_network
 from anyprobe.pictures.images import ImageSource
-from anyprobe.scatter.materials import Material, material_named
+from anyprobe.scatter.materials import Albedo, Material, as_material, material_input, material_named
 
 
 class Estimator:

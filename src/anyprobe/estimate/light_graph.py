@@ -25,10 +25,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from anyprobe.core.contract import contract
-from anyprobe.given_material import MATERIAL_INPUTS, material_input
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.masks.check import object_box
-from anyprobe.scatter.materials import Material
+from anyprobe.scatter.materials import MATERIAL_INPUTS, Material, material_input
 
 if TYPE_CHECKING:
     from jaxtyping import Float

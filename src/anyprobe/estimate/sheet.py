@@ -1,4 +1,4 @@
-"""The sheets that show a result, with captions: of one estimate, and of the panoramas that match a photo."""
+"""Pictures that show a result: a mask, and sheets with captions of an estimate and of panoramas that match a photo."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageDraw, ImageFilter, ImageFont
 
 from anyprobe.core.color import to_bytes
 from anyprobe.core.response import response
 from anyprobe.estimate.photo import Photo
 from anyprobe.light.environment import rotate
-from anyprobe.masks.overlay import draw_overlay
+from anyprobe.masks.prompts import Point
 from anyprobe.place.panorama import Panorama
 from anyprobe.render.spheres import sphere_images, spheres_ev
 
@@ -33,6 +33,32 @@ GAP = 8
 CAPTION = 20
 BACKGROUND, CAPTION_COLOR = (20, 20, 20), (220, 220, 220)
 Captioned = tuple[str, np.ndarray]
+
+EDGE = (0.1, 1.0, 0.4)
+OFF = (1.0, 0.15, 0.1)
+BEYOND = (0.03, 0.03, 0.12)
+"""Display colours of the edge and clicks on the object, of clicks beside it, of the surroundings' tint."""
+
+
+def draw_overlay(rgb: np.ndarray, mask: np.ndarray, on: Sequence[Point] = (), off: Sequence[Point] = ()) -> np.ndarray:
+    """Return a display picture [H, W, 3] of a photo [H, W, 3] and its mask [H, W], both in [0, 1].
+
+    The object is as it is, its surroundings are dark, its edge is green; on, off: clicks, which are marked.
+    """
+    height, width = mask.shape
+    weight = mask[..., None]
+    picture = rgb * (0.2 + 0.8 * weight) + np.array(BEYOND) * (1 - weight)
+    thickness = max(1, round(max(height, width) / 500))
+    inside = Image.fromarray((mask > 0.5).astype(np.uint8))
+    most, least = (inside.filter(one(2 * thickness + 1)) for one in (ImageFilter.MaxFilter, ImageFilter.MinFilter))
+    picture[np.asarray(most) > np.asarray(least)] = EDGE
+    y, x = np.ogrid[:height, :width]
+    for points, color in ((on, EDGE), (off, OFF)):
+        for column, row in points:
+            distance = np.hypot(x + 0.5 - column, y + 0.5 - row) / thickness
+            picture[distance < 6] = 1.0
+            picture[distance < 4.5] = color
+    return np.clip(picture, 0.0, 1.0).astype(np.float32)
 
 
 def draw_preview(

@@ -18,7 +18,6 @@ import numpy as np
 
 from anyprobe.core.contract import contract
 from anyprobe.errors import InputError, InvalidMask
-from anyprobe.given_material import Albedo, as_material
 from anyprobe.inputs.description import Hint, described
 from anyprobe.masks.depth import DepthSource
 from anyprobe.masks.prompts import Clicks
@@ -26,7 +25,7 @@ from anyprobe.masks.sources import MaskSource
 from anyprobe.notices import give, leave_out
 from anyprobe.pictures.images import ImageSource
 from anyprobe.pictures.raw import RAW_SUFFIXES
-from anyprobe.scatter.materials import Material
+from anyprobe.scatter.materials import Albedo, Material, as_material
 
 NormalsSource = str | os.PathLike[str] | bytes | np.ndarray
 SurroundingsSource = ImageSource

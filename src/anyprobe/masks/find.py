@@ -1,24 +1,39 @@
-"""Search for the object of a photo, using any hints about it."""
+"""Search for the object of a photo, using any hints about it, and the expected quality of what is found.
+
+That follows from the network's own probabilities and from a second look; the same in web/src/photo/quality.js.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from anyprobe.core.contract import contract
 from anyprobe.errors import InvalidMask
 from anyprobe.masks.check import alpha_doubts, check_mask, look_at_given
 from anyprobe.masks.depth import DepthSource, mask_from_depth
 from anyprobe.masks.networks import Network, NetworkSource, load_network, shared_network
 from anyprobe.masks.prompts import Clicks, check_box, check_clicks
-from anyprobe.masks.quality import DOUBTFUL, REFUSED, doubt, expected_iou
 from anyprobe.masks.search import Finding, Looks, Prompts, find_object
 from anyprobe.masks.sources import MaskSource, mask_from_alpha, mask_from_file, mask_from_function
 from anyprobe.notices import Notice, as_notice, give
 from anyprobe.pictures.images import Pixels
 
 RIGHT = "looks right"
+
+QUALITY = contract("mask")["quality"]
+
+DOUBTFUL = QUALITY["doubtful"]
+"""Expected IoU below which a mask gets a warning, chosen by `python -m research.masks.calibrate`."""
+
+CUT = QUALITY["cut"]
+"""How much Finding.cut lowers the expected IoU, chosen by the same."""
+
+REFUSED = QUALITY["refused"]
+"""Expected IoU below which a mask is refused."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -28,8 +43,8 @@ class FoundMask:
     Attributes:
         mask: [H, W] float32 in [0, 1], 1 on the object.
         source: "mask", "function", "depth", "click", "box", "alpha" or "network".
-        confidence: expected IoU, see masks.quality; None where the mask was given.
-        verdict: whether the mask looks right, in words, see masks.quality; empty where it was given.
+        confidence: expected IoU, see expected_iou; None where the mask was given.
+        verdict: whether the mask looks right, in words; empty where it was given.
         warnings: one line for each reason to check the mask.
         prompts: clicks and box, as checked.
     """
@@ -148,3 +163,23 @@ def _not_found(pixels: Pixels, prompts: Prompts) -> InvalidMask:
         source=name,
         remedy=give("box", "mask"),
     )
+
+
+def reasons(found: Finding) -> dict[str, float]:
+    """Return the factors of a finding's expected IoU, each in [0, 1], by what a low one means in a few words."""
+    return {
+        "its outline is blurred": found.expected(),
+        "a second look finds something else": (1 + found.agreed) / 2,
+        "the box cuts it off, and should be around all of it": 1 / (1 + CUT * found.cut),
+    }
+
+
+def expected_iou(found: Finding) -> float:
+    """Return the expected IoU of a finding, in [0, 1]."""
+    return math.prod(reasons(found).values())
+
+
+def doubt(found: Finding) -> str:
+    """Return in a few words what lowers the expected IoU most."""
+    factors = reasons(found)
+    return min(factors, key=lambda reason: factors[reason])

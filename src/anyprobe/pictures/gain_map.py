@@ -22,10 +22,9 @@ import numpy as np
 from PIL import Image
 from PIL.JpegImagePlugin import JpegImageFile
 
-from anyprobe.pictures.apple_note import apple_numbers
 from anyprobe.pictures.color_encoding import STRIP_PIXELS, srgb_to_linear
 from anyprobe.pictures.file_parts import XMP, app_segments, find_tone_map, jpeg_pictures
-from anyprobe.pictures.headers import open_picture
+from anyprobe.pictures.headers import apple_numbers, open_picture
 from anyprobe.pictures.raw import HEAD_BYTES
 
 ISO = b"urn:iso:std:iso:ts:21496:-1\0"

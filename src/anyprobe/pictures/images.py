@@ -26,7 +26,6 @@ from anyprobe.maps.exr import EXR_MAGIC, exr_attributes, read_exr
 from anyprobe.maps.radiance import ATTRIBUTE, decode_hdr
 from anyprobe.maps.rgbe import HDR_HEADER_BYTES, HDR_MAGIC, read_comments
 from anyprobe.notices import Notice
-from anyprobe.pictures.apple_note import apple_posture_deg
 from anyprobe.pictures.color_encoding import is_linear
 from anyprobe.pictures.deep_pixels import (
     TIFF_STARTS,
@@ -43,6 +42,7 @@ from anyprobe.pictures.headers import (
     MAX_PIXELS,
     TURNS,
     UnknownPicture,
+    apple_posture_deg,
     check_size,
     exif_exposure,
     exif_fov_deg,

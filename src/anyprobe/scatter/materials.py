@@ -1,11 +1,12 @@
-"""The paper's reflectance, Eq. 2: Lambert below a Cook-Torrance coat.
+"""Materials of the paper's reflectance, Eq. 2, Lambert below a Cook-Torrance coat: by name, given, for networks.
 
-paper.equations evaluates it.
+paper.equations evaluates the reflectance.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -94,3 +95,114 @@ def material_named(name: str, *also: str) -> Material:
 def alpha_from_roughness(roughness: float) -> float:
     """Convert a roughness of glTF, USD and engines to GGX alpha: its square (Burley 2012)."""
     return float(roughness) ** 2
+
+
+Albedo = float | Sequence[float]
+"""Linear albedo: one number for grey, or red, green and blue."""
+
+MATERIAL_INPUTS: int = contract("materials")["inputs"]
+"""Count of numbers that encode a material for a network."""
+LEAST_REFLECTANCE: float = contract("materials")["least_reflectance"]
+"""Lower bound that darker reflectances are raised to: a hollow of black velvet."""
+
+
+def material_input(material: Material) -> np.ndarray:
+    """Encode a material for the networks, [8] float32: 1, sqrt(alpha), ln of total reflectance and of f0, RGB each.
+
+    All zeros stand for an unknown material.
+    """
+    albedo, f0 = (np.broadcast_to(np.asarray(one, np.float32), 3) for one in (material.albedo, material.f0))
+    reflected = np.log(np.maximum(total_reflectance(albedo, f0), LEAST_REFLECTANCE))
+    return np.concatenate([[1.0, np.sqrt(float(material.alpha))], reflected, f0]).astype(np.float32)
+
+
+MATTE = "matte"
+"""Default material where only albedo or roughness is given."""
+LEAST_ROUGHNESS: float = contract("materials")["least_roughness"]
+"""Smallest roughness: below it a lobe is narrower than any pixel."""
+
+
+def given_material(
+    name: str | None = None, albedo: Albedo | None = None, roughness: float | None = None
+) -> Material | None:
+    """Return the material with this name, albedo and roughness, each optional; None where nothing is given.
+
+    Args:
+        name: one of MATERIALS; None with an albedo or a roughness is MATTE.
+        albedo: linear, one number or three, in (0, 1]; replaces the named material's.
+        roughness: 0.1 to 1; replaces the named material's.
+    Raises:
+        InputError: another name, albedo or roughness, or an albedo for a metal, which has none.
+    """
+    if name is None and albedo is None and roughness is None:
+        return None
+    material = material_named(MATTE if name is None else name)
+    if roughness is not None:
+        if not LEAST_ROUGHNESS <= roughness <= 1:
+            raise InputError(
+                f"expected a number from {LEAST_ROUGHNESS:g} to 1, got {roughness:g}; 0.1 is polished, 1 is matte",
+                subject="roughness",
+            )
+        material = replace(material, alpha=alpha_from_roughness(roughness))
+    if albedo is None:
+        return material
+    values = np.asarray(albedo, np.float64).reshape(-1)
+    if values.size not in (1, 3) or not ((values > 0) & (values <= 1)).all():
+        raise InputError(
+            f"expected one number or three above 0 and up to 1, got {', '.join(f'{v:g}' for v in values)}; "
+            "a grey card has 0.18",
+            subject="albedo",
+        )
+    if not np.any(material.albedo):
+        raise InputError(
+            f"expected a material that has one, got the metal {name}; leave one of them out", subject="albedo"
+        )
+    return replace(material, albedo=np.broadcast_to(values, 3).copy())
+
+
+def as_material(
+    material: Material | str | None = None, albedo: Albedo | None = None, roughness: float | None = None
+) -> Material | None:
+    """Return the object's material from any of a Material, a name, albedo, roughness; None where nothing is given.
+
+    Raises:
+        InputError: neither a material nor a name, values impossible for a surface, or an albedo beside a Material.
+    """
+    if not isinstance(material, Material | str | None):
+        raise InputError(
+            f"expected a Material or one of {', '.join(PRESETS)} or a measured one's name, "
+            f"got {type(material).__name__}; "
+            "give an albedo alone as albedo=",
+            subject="material",
+        )
+    try:
+        values = None if albedo is None else [float(v) for v in np.asarray(albedo, np.float64).reshape(-1)]
+    except (TypeError, ValueError) as error:
+        raise InputError(
+            f"expected one number or three, got {' '.join(repr(albedo).split())}", subject="albedo"
+        ) from error
+    if not isinstance(material, Material):
+        return given_material(material, values, roughness)
+    if albedo is not None or roughness is not None:
+        raise InputError(
+            "albedo, roughness: expected a material's name beside it or none, got a Material, which has its own; "
+            "leave one of them out"
+        )
+    return _checked(material)
+
+
+def _checked(material: Material) -> Material:
+    """Return a copy with arrays for its numbers; InputError where no surface has such values."""
+    albedo, f0, alpha = material.albedo, material.f0, material.alpha
+    try:
+        colors = np.stack([np.broadcast_to(np.asarray(one, np.float64), 3) for one in (albedo, f0)])
+        alpha = float(alpha)
+    except (TypeError, ValueError):
+        colors = np.full((2, 3), np.nan)
+    if not (((colors >= 0) & (colors <= 1)).all() and 0.01 <= alpha <= 1):  # NaN fails too
+        raise InputError(
+            f"expected albedo and f0 of one number or three in 0 to 1 and alpha in 0.01 to 1, "
+            f"got {' '.join(f'{albedo}, {f0} and {alpha}'.split())}",
+            subject="material",
+        )
+    return Material(albedo=colors[0], f0=colors[1], alpha=alpha)

@@ -15,7 +15,7 @@ from anyprobe import session
 from anyprobe.errors import InputError, InvalidEnvironment
 from anyprobe.estimate.extract import Extract, extract_of
 from anyprobe.estimate.photo import Photo
-from anyprobe.estimate.saved_map import export_settings, read_rotation
+from anyprobe.estimate.sidecar import export_settings, read_rotation
 from anyprobe.maps.radiance import read_radiance
 from anyprobe.notices import leave_out
 from anyprobe.pictures.declared_size import declared_pixels

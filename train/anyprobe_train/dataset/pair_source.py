@@ -18,8 +18,8 @@ import torch.nn.functional as F
 from anyprobe.core.color import REC709
 from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
 from anyprobe.core.response import MEAN_CURVE, response
-from anyprobe.given_material import material_input
 from anyprobe.render.reflectance import lookup_coords
+from anyprobe.scatter.materials import material_input
 from anyprobe_train.dataset import distributions
 from anyprobe_train.dataset.batch_shading import curves, draw_grain, pixel_wo, see_behind, shade_batch
 from anyprobe_train.dataset.camera import column_of, draw_shot, meter, take_photo
@@ -80,7 +80,7 @@ class PairConfig:
 GIVEN_NORMALS_ERROR_DEG = 2.0
 """Standard deviation of each of the three angles by which given normals are rotated [degrees]."""
 GIVEN_MATERIAL_ERROR = np.array([0.0, 0.03, 0.08, 0.08, 0.08, 0.0, 0.0, 0.0], np.float32)
-"""Standard deviations of the errors of a given material, in the order of given_material.material_input."""
+"""Standard deviations of the errors of a given material, in the order of materials.material_input."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -91,7 +91,7 @@ class Batch:
     mean curve; ln_radiance [B, 3, H, 2H]; alpha [B]; normals [B, 3, S, S], zero outside the object, and tan_half [B] of
     half the field of view; given_normals_rotation [B, 3, 3]: from these normals to the given ones, a small turn, or
     zero where none are given; surroundings [B, 4, H, 2H]: the background that the photo shows, see
-    dataset.seen_surroundings, or zero; material [B, 8]: the object's (given_material.material_input);
+    dataset.seen_surroundings, or zero; material [B, 8]: the object's (materials.material_input);
     given_material [B, 8]: the one that the network is given, or zero.
     """
 

@@ -53,7 +53,7 @@ class LightInputs:
     context [N, 5, 96, 96]: RGB, mask, cover; crop [N, 4, 96, 96]: RGB x mask, mask; seen [N, 4, 64, 128]: RGB x cover,
     cover; lens [N, 5]: tangent of half the context's field, the crop's centre (right, up) and half its side on the
     image plane, 1 where the lens is known. Zero where not given: up [N, 3], normals [N, 3, 48, 48] over the crop,
-    material [N, 8] of given_material.material_input, sun [N, 3].
+    material [N, 8] of materials.material_input, sun [N, 3].
     """
 
     context: torch.Tensor

@@ -11,8 +11,8 @@ import torch
 from torch.nn import functional as F
 
 from anyprobe.core.response import response
-from anyprobe.given_material import LEAST_REFLECTANCE, MATERIAL_INPUTS
 from anyprobe.light.environment import MAP_HEIGHT
+from anyprobe.scatter.materials import LEAST_REFLECTANCE, MATERIAL_INPUTS
 from anyprobe_train.light.network import LightInputs
 from anyprobe_train.light.seen_on_sphere import SeenOnSphere
 

@@ -16,8 +16,8 @@ from torch.nn import functional as F
 
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import MEAN_CURVE
-from anyprobe.given_material import MATERIAL_INPUTS
 from anyprobe.light.environment import MAP_HEIGHT
+from anyprobe.scatter.materials import MATERIAL_INPUTS
 from anyprobe_train.nets.blocks import FoldedConv, UpBlock, conv, fade_seam, two_layers, wrap
 from anyprobe_train.nets.emitter_head import EmitterHead
 from anyprobe_train.nets.lifting import (
@@ -195,7 +195,7 @@ class LightNet(nn.Module):
 
     Optional inputs: given normals [N, 3, 64, 64], camera frame, zero where not given; surroundings
     [N, 4, 64, 128], display values times coverage, and coverage, of what is seen of the environment map; the object's
-    material [N, 8] of given_material.material_input, zero where not given.
+    material [N, 8] of materials.material_input, zero where not given.
     """
 
     def __init__(self, features: int = 8, code: int = 192) -> None:

@@ -14,7 +14,7 @@ from typing import Any
 import torch
 from torch.nn import functional as F
 
-from anyprobe.given_material import LEAST_REFLECTANCE
+from anyprobe.scatter.materials import LEAST_REFLECTANCE
 from anyprobe_train.nets.blocks import autocast
 from anyprobe_train.nets.light_net import LightNet, LightPrediction, display
 from anyprobe_train.train.lift import Lift, LiftConfig, irradiance_loss
@@ -125,7 +125,7 @@ def _difference(guess: LightPrediction, told: SimpleNamespace, where: torch.Tens
 
 
 def _materials(count: int, generator: torch.Generator, device: torch.device) -> torch.Tensor:
-    """Draw materials as given_material.material_input encodes them, a third of them metals, [N, 8]."""
+    """Draw materials as materials.material_input encodes them, a third of them metals, [N, 8]."""
 
     def even(channels: int) -> torch.Tensor:
         return torch.rand(count, channels, generator=generator, device=device)
