@@ -13,9 +13,9 @@ from sphere import View
 from anyprobe.core.sampling import hammersley
 from anyprobe.light.octahedral import Pyramid
 from anyprobe.render.integrate import shading_pyramid
-from anyprobe.render.picture import SHADERS, radiance_by_maps
 from anyprobe.scatter.materials import Material
 from anyprobe_train.dataset.lighting import compile_kernel
+from anyprobe_train.dataset.reflectance import SHADERS, radiance_by_maps
 
 COUNTS = (4, 8, 16, 24, 32, 48, 64, 96, 128, 192, 256, 512)
 """Samples a point that are tried; of the specular and the diffuse term alike."""

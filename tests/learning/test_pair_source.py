@@ -14,7 +14,6 @@ from anyprobe.core.response import MEAN_CURVE, inverse_response  # noqa: E402
 from anyprobe.core.sampling import hammersley  # noqa: E402
 from anyprobe.light.octahedral import build_pyramid  # noqa: E402
 from anyprobe.render.integrate import shade, shading_pyramid  # noqa: E402
-from anyprobe.render.reflectance import reflectance_normals  # noqa: E402
 from anyprobe.render.shapes import sphere  # noqa: E402
 from anyprobe.render.surface import frame_object, pixel_rays, see  # noqa: E402
 from anyprobe.scatter.materials import Material  # noqa: E402
@@ -23,6 +22,7 @@ from anyprobe_train.dataset.asset_store import draw_map  # noqa: E402
 from anyprobe_train.dataset.camera import draw_shot, one_photo  # noqa: E402
 from anyprobe_train.dataset.lighting import Illuminator, LitMaterial  # noqa: E402
 from anyprobe_train.dataset.pair_source import PairConfig, PairSource  # noqa: E402
+from anyprobe_train.dataset.reflectance import reflectance_normals  # noqa: E402
 from anyprobe_train.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 
 

@@ -21,8 +21,8 @@ from anyprobe.light.environment import rotate  # noqa: E402
 from anyprobe.paper.chain import estimate_light  # noqa: E402
 from anyprobe.paper.equations import filter_exponent  # noqa: E402
 from anyprobe.render.integrate import shade, shading_pyramid  # noqa: E402
-from anyprobe.render.reflectance import albedo_table, directional_albedo  # noqa: E402
 from anyprobe_train.dataset.asset_store import own_map  # noqa: E402
+from anyprobe_train.dataset.reflectance import albedo_table, directional_albedo  # noqa: E402
 from anyprobe_train.paper import graphs, schedule  # noqa: E402
 from anyprobe_train.paper.figures import FIGURES  # noqa: E402
 from anyprobe_train.paper.graphs import export_chain  # noqa: E402

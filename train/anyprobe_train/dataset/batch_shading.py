@@ -11,11 +11,11 @@ import torch.nn.functional as F
 
 from anyprobe.core.latlong import direction_to_uv
 from anyprobe.core.response import CameraCurve, response
-from anyprobe.render.reflectance import albedo_table, lookup_coords
 from anyprobe.render.surface import pixel_rays
 from anyprobe.scatter.materials import Material
 from anyprobe_train.dataset.camera import Shot, column_of, take_photo
 from anyprobe_train.dataset.lighting import LitMaterial
+from anyprobe_train.dataset.reflectance import albedo_table, lookup_coords
 from anyprobe_train.dataset.shadows import shade_hidden
 
 

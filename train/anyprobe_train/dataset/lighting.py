@@ -22,10 +22,10 @@ from anyprobe.light.environment import MAP_HEIGHT, integral, reduced, rotate
 from anyprobe.light.light_sources import BLUR_RADIUS, dilate, find_dominant_light
 from anyprobe.light.octahedral import Pyramid
 from anyprobe.render.integrate import shade_diffuse, shade_specular, shading_pyramid
-from anyprobe.render.reflectance import reflectance_normals
 from anyprobe_train.dataset import distributions
 from anyprobe_train.dataset.catalog import normalize_map
 from anyprobe_train.dataset.distributions import draw_alpha
+from anyprobe_train.dataset.reflectance import reflectance_normals
 from anyprobe_train.dataset.sky import direction_at, soft_cap, tint
 from anyprobe_train.dataset.surfaces import NUM_ELEVATIONS, draw_elevation
 

@@ -18,7 +18,6 @@ import torch.nn.functional as F
 from anyprobe.core.color import REC709
 from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
 from anyprobe.core.response import MEAN_CURVE, response
-from anyprobe.render.reflectance import lookup_coords
 from anyprobe.scatter.materials import material_input
 from anyprobe_train.dataset import distributions
 from anyprobe_train.dataset.batch_shading import curves, draw_grain, pixel_wo, see_behind, shade_batch
@@ -28,6 +27,7 @@ from anyprobe_train.dataset.lighting import Illuminator, LitMaterial
 from anyprobe_train.dataset.mask_errors import disturb_mask
 from anyprobe_train.dataset.occlusion import mirrored_cells
 from anyprobe_train.dataset.pair import LN_RANGE
+from anyprobe_train.dataset.reflectance import lookup_coords
 from anyprobe_train.dataset.seen_surroundings import draw_frame, gather, perturb, photo_surroundings
 from anyprobe_train.dataset.shape_augment import join_some, reshape_some
 from anyprobe_train.dataset.surfaces import NUM_ELEVATIONS, SurfaceSet

@@ -14,10 +14,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from anyprobe.render.reflectance import read_map
 from anyprobe.scatter.materials import Material
 from anyprobe_train.dataset.camera import blur
 from anyprobe_train.dataset.distributions import draw_material
+from anyprobe_train.dataset.reflectance import read_disc
 from anyprobe_train.dataset.sky import tint
 
 
@@ -156,7 +156,7 @@ def lay(pattern: np.ndarray, points: np.ndarray, normals: np.ndarray, rng: np.ra
     for axis in range(3):
         along = np.delete(points, axis, axis=-1) / extent + starts[axis]
         xy = 1 - 2 * np.abs(1 - along % 2)
-        result = result + facing[:, axis, None] * np.stack(read_map(pattern, xy, channels), axis=-1)
+        result = result + facing[:, axis, None] * np.stack(read_disc(pattern, xy, channels), axis=-1)
     return result
 
 

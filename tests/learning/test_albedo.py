@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from anyprobe.render.reflectance import albedo_table, directional_albedo
 from anyprobe.scatter.materials import Material, brdf
+from anyprobe_train.dataset.reflectance import albedo_table, directional_albedo
 
 N = np.array([0.0, 0.0, 1.0])
 

@@ -7,16 +7,21 @@ equally. One such map serves every shape of that material under that light by a 
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from array_api_compat import array_namespace
+from array_api_compat import array_namespace, device
 
-from anyprobe.core.frames import dot, normalize, reflect
+from anyprobe.core.frames import dot, normalize, orthonormal_basis, reflect
 from anyprobe.core.latlong import corners
 from anyprobe.core.sampling import ggx_visible_normal_xyz, hammersley
+from anyprobe.light.octahedral import Pyramid
 from anyprobe.paper.equations import schlick_weight, smith_visibility
+from anyprobe.render.integrate import emitters_specular, shade_diffuse, shade_specular
+from anyprobe.scatter.materials import Material
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -124,7 +129,7 @@ def lookup_coords(n, wo, alpha, table) -> tuple:
     return *places, gain_one, gain_grazing
 
 
-def read_map(picture, xy, channels) -> list:
+def read_disc(picture, xy, channels) -> list:
     """Interpolate channels of a map [S, S, C] at xy [..., 2] in [-1, 1], [...] each."""
     xp = array_namespace(picture, xy)
     size = picture.shape[0]
@@ -132,3 +137,76 @@ def read_map(picture, xy, channels) -> list:
     column, row = (xp.clip((xy[..., k] + 1.0) * (size / 2) - 0.5, 0.0, size - 1.001) for k in range(2))
     weighted = corners(column, row, size)
     return [sum(flat[index, channel] * share for index, share in weighted) for channel in channels]
+
+
+def look_up(pyramid: Pyramid, terms, world_from_view, n, wo, alpha, table) -> tuple:
+    """Look up S1, Ss and, if there is a map of it, Dd at points.
+
+    Args:
+        terms: [S, S, 6 or 9]: S1, Ss, Dd of reflectance_normals(S); emitters only in the last.
+        world_from_view: [3, 3], +Z of the view towards the eye.   n, wo: [P, 3], world.   alpha: [P, 1].
+        table: albedo_table() as an array of the same kind.
+    Returns:
+        [P, 3] each.
+    """
+    xp = array_namespace(n, terms)
+    in_view = (n @ world_from_view, wo @ world_from_view)
+    _, specular_xy, diffuse_xy, *gains = lookup_coords(*in_view, alpha, table)
+    found = read_disc(terms, specular_xy, range(6))
+    specular = xp.stack([channel * gains[0] for channel in found[:3]], axis=-1)
+    grazing = xp.stack([channel * gains[1] for channel in found[3:]], axis=-1)
+    if pyramid.emitters is not None:
+        _, one, weak = emitters_specular(pyramid, n, wo, alpha)
+        specular, grazing = specular + one, grazing + weak
+    if terms.shape[2] == 6:
+        return specular, grazing
+    return specular, grazing, xp.stack(read_disc(terms, diffuse_xy, range(6, 9)), axis=-1)
+
+
+SHADERS = (shade_specular, shade_diffuse, look_up)
+"""Functions that radiance_by_maps shades by; a caller may have them compiled (for torch)."""
+
+
+def radiance_by_maps(
+    pyramid: Pyramid,
+    n,
+    wo,
+    material: Material,
+    u,
+    u_diffuse=None,
+    *,
+    size: int,
+    wide: Pyramid | None = None,
+    shaders: tuple[Callable, ...] = SHADERS,
+) -> Any:
+    """Compute Lo [P, 3] of Eq. 3 at points with normals n seen from wo [P, 3], world frame.
+
+    The maps are made for the mean of all wo and hold less the further a view is from it
+    (tests/learning/test_reflectance.py: 0.9 % of the mean under a sky and a sun, if none is further than 15 degrees).
+
+    Args:
+        u, u_diffuse: [N, 2], samples of each normal; u_diffuse None for a metal, whose albedo is zero.
+        size: of the maps, [size, size]. wide: the light's pyramid for the diffuse term (integrate.shading_pyramid).
+    """
+    xp, (specular_by, diffuse_by, look_up_by) = array_namespace(n, wo, u), shaders
+
+    def array(values):
+        return xp.asarray(np.ascontiguousarray(values, dtype=np.float32), device=device(n))
+
+    middle = normalize(xp.mean(wo, axis=0))
+    turn = xp.stack([*orthonormal_basis(middle), middle], axis=-1)
+    seen = array(reflectance_normals(size).reshape(-1, 3)) @ turn.T
+    toward_eye = seen * 0.0 + middle
+    width = xp.full((seen.shape[0], 1), material.alpha, dtype=n.dtype, device=device(n))
+    rest = replace(pyramid, emitters=None, emitter_power=None, emitter_spread=None)  # the map without emitters
+    _, *terms = specular_by(rest, seen, toward_eye, width, u)
+    if u_diffuse is not None:
+        terms.append(diffuse_by(wide or pyramid, seen, toward_eye, u_diffuse))
+    terms = xp.reshape(xp.concat(terms, axis=-1), (size, size, -1))
+    width = xp.full((n.shape[0], 1), material.alpha, dtype=n.dtype, device=device(n))
+    specular, grazing, *diffuse = look_up_by(pyramid, terms, turn, n, wo, width, array(albedo_table()))
+    f0 = array(material.f0)
+    radiance = f0 * specular + (1.0 - f0) * grazing
+    for term in diffuse:
+        radiance = radiance + array(material.albedo) * (1.0 - f0) * term
+    return radiance

@@ -10,10 +10,10 @@ from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.sampling import hammersley
 from anyprobe.light.octahedral import build_pyramid
 from anyprobe.render.integrate import NUM_EMITTERS, shade
-from anyprobe.render.picture import radiance_by_maps
 from anyprobe.render.shapes import sphere
 from anyprobe.render.surface import frame_object, see
 from anyprobe.scatter.materials import Material
+from anyprobe_train.dataset.reflectance import radiance_by_maps
 
 HEIGHT = 64
 ROTATION = world_from_camera(2.1, 0.4)
