@@ -16,13 +16,8 @@ if TYPE_CHECKING:
 
 def hammersley(count: int, shift: tuple[float, float] = (0.0, 0.0)) -> Float[np.ndarray, "count 2"]:
     """Return low-discrepancy points u [count, 2] in [0, 1)^2, moved by shift with wrap-around."""
-    index = np.arange(count, dtype=np.uint32)
-    bits = (index << 16) | (index >> 16)
-    bits = ((bits & 0x00FF00FF) << 8) | ((bits & 0xFF00FF00) >> 8)
-    bits = ((bits & 0x0F0F0F0F) << 4) | ((bits & 0xF0F0F0F0) >> 4)
-    bits = ((bits & 0x33333333) << 2) | ((bits & 0xCCCCCCCC) >> 2)
-    bits = ((bits & 0x55555555) << 1) | ((bits & 0xAAAAAAAA) >> 1)
-    u = np.stack([(index + 0.5) / count, bits / 2.0**32], axis=-1)
+    reversed_bits = [int(f"{index:032b}"[::-1], base=2) for index in range(count)]
+    u = np.stack([(np.arange(count) + 0.5) / count, np.array(reversed_bits) / 2.0**32], axis=-1)
     u = ((u + np.asarray(shift)) % 1.0).astype(np.float32)
     return np.minimum(u, np.float32(1.0 - 2.0**-24))  # float32 rounds 0.99999999 up to 1
 
