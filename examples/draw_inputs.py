@@ -17,10 +17,10 @@ from PIL import Image, ImageDraw, ImageFont
 from anyprobe.core.color import to_bytes
 from anyprobe.core.response import response
 from anyprobe.estimate.runtime import Models
-from anyprobe.render.shapes import figure
 from anyprobe.render.spheres import diffuse, silver
 from anyprobe_train.dataset.asset_store import AssetStore, own_map
 from anyprobe_train.dataset.catalog import ShapeAsset
+from anyprobe_train.dataset.drawn_shapes import figure
 from anyprobe_train.dataset.pair import render_pair
 from anyprobe_train.dataset.recipe import balanced_recipes
 from anyprobe_train.evaluate.methods import GIVEN_HINTS, run_with_hints

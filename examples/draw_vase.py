@@ -22,10 +22,10 @@ from anyprobe.light.environment import MAP_HEIGHT, reduced, rotate
 from anyprobe.light.octahedral import build_pyramid
 from anyprobe.maps.radiance import write_exr
 from anyprobe.render.integrate import NUM_EMITTERS, shade
-from anyprobe.render.shapes import lathe
 from anyprobe.render.surface import frame_object, pixel_rays, see
 from anyprobe.scatter.materials import Material
 from anyprobe_train.dataset.asset_store import room
+from anyprobe_train.dataset.random_shapes import lathe
 
 SIZE = 512
 SUPERSAMPLE = 2

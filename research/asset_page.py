@@ -41,7 +41,8 @@ trained on images rendered with them. [CC BY 3.0](https://creativecommons.org/li
 [4.0](https://creativecommons.org/licenses/by/4.0/) require naming the author, as MIT, BSD and Apache licences do.
 
 Training also uses procedural maps and shapes of anyprobe's own (`anyprobe_train.dataset.sky`,
-`anyprobe_train.dataset.room`, `anyprobe.render.shapes`): they have no files, and are anyprobe's, Apache-2.0.
+`anyprobe_train.dataset.room`, `anyprobe_train.dataset.random_shapes`): they have no files, and are anyprobe's,
+Apache-2.0.
 """
 
 TEST_PAGE = """\

@@ -50,8 +50,8 @@ def main(archive: Path, python: str) -> None:
     from anyprobe.export.target_frames import BLENDER
     from anyprobe.light.light_sources import find_dominant_light
     from anyprobe.maps.radiance import write_exr
-    from anyprobe.render.shapes import lathe
     from anyprobe_train.dataset.asset_store import sky
+    from anyprobe_train.dataset.random_shapes import lathe
 
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)

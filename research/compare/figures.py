@@ -18,10 +18,10 @@ from anyprobe.core.response import response
 from anyprobe.light.environment import MAP_HEIGHT, integral
 from anyprobe.light.harmonics import COSINE_LOBE, project
 from anyprobe.light.light_sources import find_dominant_light
-from anyprobe.render.shapes import lathe
 from anyprobe.render.spheres import sphere_normals
 from anyprobe.render.surface import Surface, frame_object, see
 from anyprobe_train.dataset.pair import LN_RANGE, Pair
+from anyprobe_train.dataset.random_shapes import lathe
 from anyprobe_train.evaluate.methods import Estimate
 from anyprobe_train.evaluate.metrics import (
     color_angle_deg,

@@ -18,8 +18,8 @@ from anyprobe.estimate.result import Light
 from anyprobe.light.environment import MAP_HEIGHT, rotate
 from anyprobe.light.filtering import blur_cap
 from anyprobe.light.light_sources import LIKELY, NO_SOURCE, LightSource, find_sources
-from anyprobe.render.shapes import lathe
 from anyprobe.render.surface import cover, frame_object, pixel_rays, see
+from anyprobe_train.dataset.random_shapes import lathe
 from anyprobe_train.evaluate.metrics import direction_error_deg, false_sources, gain_rmse, power_ratio_stops, rmse, ssim
 from research.clustered import coverage, rank_correlation, with_error
 from research.compare.three_spheres import clean_scores

@@ -5,9 +5,9 @@ import pytest
 
 from anyprobe.core.frames import world_from_camera
 from anyprobe.render.mesh import Mesh
-from anyprobe.render.shapes import blob, lathe, rounded_polyhedron, superquadric
 from anyprobe.render.surface import frame_object, see
 from anyprobe_train.dataset.drawn_shapes import draw_shape, figure, part
+from anyprobe_train.dataset.random_shapes import blob, lathe, rounded_polyhedron, superquadric
 
 FAMILIES = [superquadric, blob, lathe, rounded_polyhedron]
 

@@ -16,9 +16,9 @@ from anyprobe.core.response import inverse_response
 from anyprobe.errors import InputError
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.maps.radiance import write_exr
-from anyprobe.render.shapes import lathe
 from anyprobe_train.dataset.asset_store import AssetStore
 from anyprobe_train.dataset.catalog import MapAsset, ShapeAsset
+from anyprobe_train.dataset.random_shapes import lathe
 from anyprobe_train.dataset.recipe import WORLD, world_recipes
 from research.world import whole as whole_command
 from research.world import whole_photos as whole

@@ -25,11 +25,12 @@ from anyprobe.light.octahedral import Pyramid, build_pyramid
 from anyprobe.maps.radiance import read_radiance
 from anyprobe.render.integrate import Shading, shade
 from anyprobe.render.mesh import Mesh
-from anyprobe.render.shapes import lathe, sphere, superquadric
+from anyprobe.render.shapes import sphere
 from anyprobe.render.surface import Camera, frame_object, see
 from anyprobe.scatter.materials import Material
 from anyprobe_train.dataset.asset_store import room, sky, studio
 from anyprobe_train.dataset.catalog import normalize_map
+from anyprobe_train.dataset.random_shapes import lathe, superquadric
 
 SIZE = 32
 ROWS = 32

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 from numbers import Integral, Real
 from pathlib import Path
 
@@ -13,30 +15,25 @@ from anyprobe.errors import InputError
 from anyprobe.files.meshes import MESH_SUFFIXES, read_mesh
 from anyprobe.render.mesh import Mesh, make_mesh
 from anyprobe.render.picture import draw_mesh
-from anyprobe.render.shapes import blob, lathe, rounded_polyhedron, sphere, superquadric
+from anyprobe.render.shapes import sphere
 from anyprobe.render.surface import frame_object
 from anyprobe.scatter.materials import Material, material_named
 
 MOST_SIDE = 4096
 """Largest side [px] of a drawn picture."""
-BASE = 0.08
-"""Height at which the vase's rounded foot is cut off so that it stands, as a share of the vase's height."""
 
 
-def _vase() -> Mesh:
-    mesh = lathe(np.random.default_rng(0), rows=72)
-    positions = mesh.positions.copy()
-    low, high = positions[:, 1].min(), positions[:, 1].max()
-    positions[:, 1] = np.maximum(positions[:, 1], low + BASE * (high - low))
-    return make_mesh(positions, mesh.faces, "vase")
+def _stored(name: str) -> Mesh:
+    """Read an object of objects.npz, which anyprobe_train.dataset.random_shapes writes."""
+    with np.load(Path(__file__).with_suffix(".npz")) as file:
+        mesh = make_mesh(file[name], file[f"{name} faces"], name)
+        normals = file.get(f"{name} normals")
+    return mesh if normals is None else replace(mesh, normals=normals[mesh.faces])
 
 
 OBJECTS: dict[str, Callable[[], Mesh]] = {
     "sphere": lambda: sphere(48),
-    "vase": _vase,
-    "pebble": lambda: blob(np.random.default_rng(7), rows=56),
-    "block": lambda: superquadric(np.random.default_rng(2), rows=56),
-    "solid": lambda: rounded_polyhedron(np.random.default_rng(4), rows=64),
+    **{name: partial(_stored, name) for name in ("vase", "pebble", "block", "solid")},
 }
 
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from anyprobe.core.frames import normalize, rotation_x, rotation_y, rotation_z
 from anyprobe.render.mesh import Mesh, make_mesh, put_together
-from anyprobe.render.shapes import blob, closed, lathe, quads, rounded_polyhedron, superquadric
+from anyprobe.render.shapes import closed, quads
+from anyprobe_train.dataset.random_shapes import blob, lathe, rounded_polyhedron, superquadric
 
 if TYPE_CHECKING:
     from jaxtyping import Float

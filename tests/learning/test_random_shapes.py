@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from anyprobe.render.mesh import Mesh
-from anyprobe.render.shapes import blob, lathe, rounded_polyhedron, sphere, superquadric
+from anyprobe.render.shapes import sphere
+from anyprobe_train.dataset.random_shapes import blob, lathe, rounded_polyhedron, superquadric
 
 FAMILIES = [superquadric, blob, lathe, rounded_polyhedron]
 SEEDS = range(8)
