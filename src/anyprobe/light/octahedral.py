@@ -25,35 +25,14 @@ vectors turn half as far). Its flanks are narrower than that D's, so a slightly 
 """
 
 
-def take_pixels(radiance, count: int) -> tuple[Any, Any, Any]:
-    """Take the brightest pixels' excess out of a map [H, 2H, 3]: the rest, and directions and power [K, 3] of the
-    excess."""
-    xp = array_namespace(radiance)
-    height = radiance.shape[0]
-    flat = xp.reshape(radiance, (-1, 3))
-    order = xp.flip(xp.argsort(luminance(flat)), axis=0)
-    count = min(count, len(order) - 1)
-    chosen, cap = order[:count], luminance(flat)[order[count]]
-    bright = xp.take(flat, chosen, axis=0)
-    excess = bright * (1.0 - cap / xp.clip(luminance(bright), 1e-12, None))[:, None]
-    rest = xp.asarray(flat, copy=True)
-    rest[chosen] = bright - excess
-    directions = np.reshape(pixel_directions(height), (-1, 3)).astype(np.float32)
-    solid_angles = np.repeat(pixel_solid_angles(height), 2 * height, axis=1).reshape(-1, 1)
-    of_pixels = [xp.asarray(values, device=device(radiance)) for values in (directions, solid_angles)]
-    directions, solid_angles = (xp.take(values, chosen, axis=0) for values in of_pixels)
-    return xp.reshape(rest, radiance.shape), directions, excess * solid_angles
-
-
 def take_patches(radiance, count: int, patch: np.ndarray) -> tuple[Any, Any, Any, Any]:
-    """Take out whole patches of the sphere instead: the excess of their pixels over the next patch's brightest.
-
-    An emitter in a room covers many pixels of similar brightness; taking a few of them would leave nearly all of it.
+    """Take the brightest patches out of a map [H, 2H, 3]: the excess of their pixels over the next patch's brightest.
 
     Args:
         patch: [H * 2H] int, the patch of every pixel.
-    rest [H, 2H, 3]; directions, the centres of the emitters, and power [K, 3]; spread [K]: what their sizes
-    add to alpha^2, WIDENING (1 - r), r the length of an emitter's mean direction.
+    Returns:
+        rest [H, 2H, 3]; directions, the centres of the emitters, and power [K, 3]; spread [K]: what their sizes add to
+        alpha^2, WIDENING (1 - r), r the length of an emitter's mean direction.
     """
     xp = array_namespace(radiance)
     height = radiance.shape[0]
@@ -125,7 +104,7 @@ class Pyramid:
     emitters [K, 3], emitter_power [K, 3]: directions and irradiance (at normal incidence) of the brightest pixels' or
         patches' excess over the next brightest; None without emitters. The texels hold the rest: shading adds the
         emitters exactly, so that no sample need hit the sun.
-    emitter_spread: what the emitters' size adds to alpha^2; one number, or [K].
+    emitter_spread: what the emitters' sizes add to alpha^2, [K].
     """
 
     texels: Any
@@ -181,16 +160,15 @@ def build_pyramid(radiance, side: int = 256, emitters: int = 0, patches: int | N
         side: texels along level 0; 256 holds a 256 x 512 map.
         emitters: number of brightest pixels that become emitters. A pyramid with emitters is for
             shading; lookup alone does not see them.
-        patches: take whole patches as emitters instead, of patches x patches on the unfolded sphere.
+        patches: take whole patches as emitters instead, of patches x patches on the unfolded sphere: an emitter in a
+            room covers many pixels of similar brightness, and a few of them would leave nearly all of it.
     """
     xp = array_namespace(radiance)
     directions = power = spread = None
-    if emitters and patches:
-        radiance, directions, power, spread = take_patches(radiance, emitters, _patches(radiance.shape[0], patches))
+    if emitters:
+        patch = np.arange(2 * radiance.shape[0] ** 2) if patches is None else _patches(radiance.shape[0], patches)
+        radiance, directions, power, spread = take_patches(radiance, emitters, patch)
         spread = spread + 1.0 / side**2
-    elif emitters:
-        radiance, directions, power = take_pixels(radiance, emitters)
-        spread = 1.0 / side**2
     uv = xp.asarray(_resampling(side), device=device(radiance))
     level = xp.mean(xp.mean(bilinear(radiance, uv), axis=3), axis=1)
     levels, size = [], side
