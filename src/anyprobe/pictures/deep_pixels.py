@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
-from PIL import Image, ImageFile
+from PIL import Image
 
 from anyprobe.errors import InvalidPhoto
 from anyprobe.maps.image_io import open_image, read_pixels
-from anyprobe.pictures.headers import JXL_STARTS, MAX_PIXELS, check_size, jxl_boxes, jxl_size
+from anyprobe.pictures.headers import JXL_STARTS, MAX_PIXELS, ON_ITS_SIDE, check_size, jxl_boxes, jxl_size
 
 if TYPE_CHECKING:
     from anyprobe.maps.image_io import ImageInput
@@ -25,11 +25,6 @@ MOST_BYTES = 16 * MAX_PIXELS
 
 WHITE_IS_ZERO, BLACK_IS_ZERO, RGB = 0, 1, 2
 """Photometric interpretations of TIFF 6.0 whose samples are grey or colours."""
-
-JPEG2000_START = b"\xff\x4f\xff\x51"
-"""Start of a codestream: markers SOC and SIZ (ITU-T T.800)."""
-BITS_AT = 42
-"""Offset from there of the first component's bits, less one, with its sign in the highest bit."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -93,15 +88,8 @@ def read_sixteen_bits(image: Image.Image, stream: BinaryIO, name: str) -> np.nda
     """
     kind = {"PNG": "png", "JPEG2000": "jpeg2000"}.get(image.format or "")
     stream.seek(0)
-    if kind is None or (";16" not in stored_layout(image) if kind == "png" else _jpeg2000_bits(stream.read()) <= 8):
-        return None
-    found = _read(stream, kind, name)
+    found = None if kind is None else _read(stream, kind, name)
     return None if found is None else found["values"]
-
-
-def _jpeg2000_bits(data: bytes) -> int:
-    at = data.find(JPEG2000_START)
-    return (data[at + BITS_AT] & 127) + 1 if 0 <= at < len(data) - BITS_AT else 0
 
 
 def _read(stream: BinaryIO, kind: str, name: str) -> dict | None:
@@ -158,22 +146,15 @@ def heif_sixteen_bits(stream: BinaryIO) -> np.ndarray | None:
     return np.array(picture) if picture.mode in ("RGB;16", "RGBA;16") else None
 
 
-def stored_layout(image: Image.Image) -> str:
-    """Return Pillow's name for the layout of the file's values, "" where there is none."""
-    arguments = image.tile[0].args if isinstance(image, ImageFile.ImageFile) and image.tile else ""
-    first = arguments[0] if isinstance(arguments, tuple) and arguments else arguments
-    return first if isinstance(first, str) else ""
-
-
 def turned_upright(values: np.ndarray, orientation: int) -> np.ndarray:
     """Turn an array [H, W, ...] upright from its EXIF orientation."""
-    if orientation in (5, 6, 7, 8):
+    if orientation in ON_ITS_SIDE:
         values = values.swapaxes(0, 1)
     if orientation in (2, 3, 6, 7):
         values = values[:, ::-1]
     if orientation in (3, 4, 7, 8):
         values = values[::-1]
-    return values
+    return np.ascontiguousarray(values)
 
 
 def straight(values: np.ndarray) -> np.ndarray:

@@ -23,6 +23,7 @@ from PIL import Image
 from PIL.JpegImagePlugin import JpegImageFile
 
 from anyprobe.pictures.color_encoding import STRIP_PIXELS, srgb_to_linear
+from anyprobe.pictures.deep_pixels import turned_upright
 from anyprobe.pictures.file_parts import XMP, app_segments, find_tone_map, jpeg_pictures
 from anyprobe.pictures.headers import apple_numbers, open_picture
 from anyprobe.pictures.raw import HEAD_BYTES
@@ -52,12 +53,12 @@ class GainMap:
     image: Image.Image
     apply: Callable[[np.ndarray, np.ndarray], np.ndarray]
 
-    def radiance(self, display: np.ndarray, turn: Image.Transpose | None = None) -> np.ndarray:
+    def radiance(self, display: np.ndarray, orientation: int = 1) -> np.ndarray:
         """Compute linear Rec. 709 radiance [H, W, 3] float32 from the base picture's sRGB [H, W, 3] in [0, 1].
 
-        turn: transposition that turns the map upright; the picture is upright already.
+        orientation: of EXIF, from which the map is turned upright; the picture is upright already.
         """
-        image = self.image if turn is None else self.image.transpose(turn)
+        image = Image.fromarray(turned_upright(np.asarray(self.image), orientation))
         height, width = display.shape[:2]
         result = np.empty(display.shape, np.float32)
         step = max(1, STRIP_PIXELS // width)

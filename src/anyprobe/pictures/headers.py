@@ -166,18 +166,6 @@ def kind_of(head: bytes, num_bytes: int) -> tuple[str, tuple[Remedy, ...]]:
     return f"{num_bytes} bytes of something else", (Remedy("run", CHOOSE_PHOTO),)
 
 
-TURNS = {
-    2: Image.Transpose.FLIP_LEFT_RIGHT,
-    3: Image.Transpose.ROTATE_180,
-    4: Image.Transpose.FLIP_TOP_BOTTOM,
-    5: Image.Transpose.TRANSPOSE,
-    6: Image.Transpose.ROTATE_270,
-    7: Image.Transpose.TRANSVERSE,
-    8: Image.Transpose.ROTATE_90,
-}
-"""Transpositions that turn a picture upright, by EXIF orientation."""
-
-
 def orientation_of(image: Image.Image) -> int:
     """Return the EXIF orientation; 1, upright, if that is damaged, or if the reader has turned the picture already."""
     if image.format == "JXL":

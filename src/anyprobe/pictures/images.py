@@ -40,7 +40,6 @@ from anyprobe.pictures.embedded_color import declared_encoding, to_srgb
 from anyprobe.pictures.gain_map import UNREAD, gain_map_of, misses_gain_map
 from anyprobe.pictures.headers import (
     MAX_PIXELS,
-    TURNS,
     UnknownPicture,
     apple_posture_deg,
     check_size,
@@ -228,11 +227,10 @@ def _from_pillow(
         long_fov_deg, exposure, posture_deg = exif_fov_deg(image), exif_exposure(image), apple_posture_deg(image)
         orientation = orientation_of(image)
         if deep is not None:
-            deep = turned_upright(deep, orientation)
             alpha = deep[..., -1] if deep.shape[2] in (2, 4) else None
             picture = np.ascontiguousarray(deep[..., 0] if deep.shape[2] < 3 else deep[..., :3])
         else:
-            picture, alpha = _opaque(image.transpose(TURNS[orientation]) if orientation in TURNS else image)
+            picture, alpha = _opaque(image)
         display = to_srgb(picture, encoding, profile)
         gain_map = None if as_data or display.radiance is not None else gain_map_of(image, stream)
     except InvalidPhoto:
@@ -245,17 +243,18 @@ def _from_pillow(
             source=name,
         ) from error
     del picture, deep  # free their memory: the pixels are in display.values
-    pixels = _from_array(display.values, name)
+    pixels = _from_array(turned_upright(display.values, orientation), name)
     if alpha is not None and (alpha < np.iinfo(alpha.dtype).max).any():
+        alpha = turned_upright(alpha, orientation)
         pixels = replace(pixels, alpha=np.divide(alpha, np.float32(np.iinfo(alpha.dtype).max), dtype=np.float32))
-    radiance = display.radiance
+    radiance = None if display.radiance is None else turned_upright(display.radiance, orientation)
     missed = not as_data and radiance is None and gain_map is None and misses_gain_map(image, stream, pixels.rgb)
     image_format = image.format
     del image
     if missed:
         notes += (UNREAD,)
     if gain_map is not None:
-        radiance = gain_map.radiance(pixels.rgb, TURNS.get(orientation))
+        radiance = gain_map.radiance(pixels.rgb, orientation)
     notes = tuple(Notice(note, code="colors", source=name) for note in (*notes, *display.warnings))
     if animated:
         used = "the main one" if image_format == "HEIF" else "the first"
