@@ -63,7 +63,7 @@ def test_a_comment_does_not_hide_the_size_of_a_map(tmp_path):
 
 def test_a_map_far_shorter_than_its_size_takes_no_memory(tmp_path, monkeypatch):
     (tmp_path / "map.hdr").write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 8192 +X 16384\n" + bytes(99))
-    monkeypatch.setattr(radiance, "open_image", lambda *_: pytest.fail("decoded"))
+    monkeypatch.setattr(radiance, "read_pixels", lambda *_: pytest.fail("decoded"))
     assert "whole rows" in refused(InvalidEnvironment, read_radiance, tmp_path / "map.hdr")
 
 

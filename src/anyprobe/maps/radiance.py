@@ -18,15 +18,7 @@ from anyprobe.files.paths import open_regular, read_rest
 from anyprobe.light.environment import check_radiance
 from anyprobe.maps.exr import EXR_MAGIC, exr_attributes, open_exr, read_exr, to_rec709, write_channels
 from anyprobe.maps.image_io import encode_image, open_image, read_pixels
-from anyprobe.maps.rgbe import (
-    HDR_HEADER_BYTES,
-    HDR_MAGIC,
-    comments,
-    least_bytes,
-    read_comments,
-    read_header,
-    rounded_up,
-)
+from anyprobe.maps.rgbe import HDR_HEADER_BYTES, HDR_MAGIC, comments, read_comments, read_header, rounded_up
 
 MAX_MAP_PIXELS = 16384 * 8192
 """Largest number of pixels of a map that is decoded; checked in the header first."""
@@ -193,17 +185,6 @@ def write_exr(
         write_channels(temporary, channels, {"chromaticities": COLORSPACES[colorspace], **named})
 
 
-def write_exr_planes(path: str | os.PathLike[str], planes: np.ndarray, attributes: Mapping[str, str]) -> None:
-    """Write a map [3, H, 2H] of halves or floats as write_exr does, without a copy of it.
-
-    Raises:
-        OutputError: it cannot be written.
-    """
-    named = {f"{ATTRIBUTE}{key}": value for key, value in attributes.items()}
-    with atomic_path(path) as temporary:
-        write_channels(temporary, dict(zip("RGB", planes, strict=True)), named)
-
-
 def map_attributes(path: str | os.PathLike[str]) -> dict[str, str]:
     """Return the attributes that were given to write_exr or write_hdr; empty without a valid header."""
     try:
@@ -232,16 +213,11 @@ def decode_hdr(data: bytes, name: str, max_pixels: int) -> np.ndarray:
         InvalidEnvironment: damaged, too large, or of the run-length encoding of the 1980s.
     """
     header = read_header(data, name, max_pixels)
-    if len(data) - header.at < header.height * least_bytes(header.width):
-        raise _truncated(name, header.height)
     plain = f"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {header.height} +X {header.width}\n".encode()
     try:
         with open_image(plain + data[header.at :], "hdr") as image:
             radiance = read_pixels(image, range(3)) / np.array(header.exposure, np.float32)
     except ValueError as error:
-        raise _truncated(name, header.height) from error
+        text = f"expected {header.height} whole rows of RGBE, got fewer; copy or export it again"
+        raise InvalidEnvironment(text, source=name) from error
     return to_rec709(np.ascontiguousarray(header.upright(radiance)), header.primaries, name, InvalidEnvironment)
-
-
-def _truncated(name: str, height: int) -> InvalidEnvironment:
-    return InvalidEnvironment(f"expected {height} whole rows of RGBE, got fewer; copy or export it again", source=name)

@@ -23,9 +23,6 @@ HDR_HEADER_BYTES = 1 << 16
 RGBE_MAX = 255.0 * 2.0**119
 """Largest value of a shared-exponent pixel: mantissa 255, exponent byte 255."""
 
-RLE_WIDTHS = range(8, 32768)
-"""Widths that the new run-length encoding can hold; others are flat."""
-
 COMMENT_WIDTH = 72
 """Largest number of characters of an attribute's value in one line of a header."""
 
@@ -171,11 +168,6 @@ def rounded_up(radiance: np.ndarray) -> np.ndarray:
     largest = rgb.max(axis=-1, keepdims=True)
     _, exponent = np.frexp(largest * np.float32(512 / 511))  # 255.5 rounds up to a ninth bit
     return np.minimum(rgb + np.where(largest > 0.0, np.ldexp(np.float32(1.0), exponent - 9), 0.0), RGBE_MAX)
-
-
-def least_bytes(width: int) -> int:
-    """Return the smallest size [bytes] of a row: its start and runs of 127 pixels in each channel, or flat pixels."""
-    return min(4 * width, 4 + 8 * -(-width // 127)) if width in RLE_WIDTHS else 4 * width
 
 
 def _shown(value: bytes) -> str:

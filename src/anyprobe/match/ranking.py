@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,7 @@ from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, u
 from anyprobe.errors import OutputError
 from anyprobe.light.environment import reduced, rotate
 from anyprobe.light.filtering import irradiance_map
-from anyprobe.maps.radiance import HALF_MAX, read_radiance, write_exr_planes
+from anyprobe.maps.radiance import HALF_MAX, read_radiance, write_exr
 from anyprobe.match.background import seen_along
 from anyprobe.match.library import Library, open_library
 from anyprobe.match.likeness import Shown, best_places, gain_of, shown_under
@@ -160,10 +159,19 @@ class MatchedMap:
         Raises:
             InputError: the file has changed since it was compared.
         """
-        source = self._source()
+        self.library.check_unchanged(self.index)
+        source = read_radiance(self.path)
         if rows is not None:
             source = reduced(source, rows)
-        return np.concatenate(list(self._turned(source)))
+        height, turned = len(source), np.empty_like(source)
+        u = (np.arange(2 * height) + 0.5) / (2 * height)
+        turn, gain = self.map_from_light.T.astype(np.float32), self.gain.astype(np.float32)
+        for top in range(0, height, BLOCK_ROWS):
+            v = (np.arange(top, min(top + BLOCK_ROWS, height)) + 0.5) / height
+            uv = np.stack(np.broadcast_arrays(u[None, :], v[:, None]), axis=-1)
+            d = uv_to_direction(uv).astype(np.float32) @ turn
+            turned[top : top + BLOCK_ROWS] = np.maximum(bilinear(source, direction_to_uv(d)), 0.0) * gain
+        return turned
 
     def write(self, path: str | Path) -> Path:
         """Write the panorama in the light's frame and units, at full size, as .exr of halves, or of floats where halves
@@ -175,17 +183,9 @@ class MatchedMap:
         path = Path(path)
         if path.suffix.lower() != ".exr":
             raise OutputError(f"expected a name in .exr, got {path.suffix or 'no suffix'}; rename it", source=path)
-        source = self._source()
-        height = len(source)
-        is_half = bool((source.max(axis=(0, 1)) * self.gain).max() <= HALF_MAX)
-        planes = np.empty((3, height, 2 * height), np.float16 if is_half else np.float32)
-        row = 0
-        for block in self._turned(source):
-            planes[:, row : row + len(block)] = np.moveaxis(block, -1, 0)
-            row += len(block)
-        del source
+        radiance = self.radiance()
         attributes = {"match": self.name, "map_from_light": str(self.map_from_light.round(6).tolist())}
-        write_exr_planes(path, planes, attributes)
+        write_exr(path, radiance, half=bool(radiance.max() <= HALF_MAX), attributes=attributes)
         return path
 
     def sidecar(self) -> dict[str, Any]:
@@ -202,21 +202,6 @@ class MatchedMap:
             "exposure_ev": round(self.exposure_ev, 3),
             "tint": self.tint.round(4).tolist(),
         }
-
-    def _source(self) -> np.ndarray:
-        self.library.check_unchanged(self.index)
-        return read_radiance(self.path)
-
-    def _turned(self, source: np.ndarray) -> Iterator[np.ndarray]:
-        """Yield blocks of rows of the rotated map [n, 2H, 3]; only the source is held whole."""
-        height = len(source)
-        u = (np.arange(2 * height) + 0.5) / (2 * height)
-        turn, gain = self.map_from_light.T.astype(np.float32), self.gain.astype(np.float32)
-        for top in range(0, height, BLOCK_ROWS):
-            v = (np.arange(top, min(top + BLOCK_ROWS, height)) + 0.5) / height
-            uv = np.stack(np.broadcast_arrays(u[None, :], v[:, None]), axis=-1)
-            d = uv_to_direction(uv).astype(np.float32) @ turn
-            yield np.maximum(bilinear(source, direction_to_uv(d)), 0.0).astype(np.float32) * gain
 
 
 def rank_maps(
