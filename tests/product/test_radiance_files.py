@@ -8,7 +8,7 @@ import pytest
 
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.errors import InvalidEnvironment
-from anyprobe.export.targets import share_above
+from anyprobe.export.exported_light import share_beyond
 from anyprobe.maps.radiance import HALF_MAX, map_attributes, read_radiance, write_exr, write_hdr
 
 
@@ -122,18 +122,18 @@ def test_exr_half_does_not_become_infinite(tmp_path):
     read = read_radiance(tmp_path / "map.exr")
     assert read[0, 5].tolist() == [65504.0] * 3
     weights = pixel_solid_angles(8).astype(float)[:, :, None]
-    assert share_above(radiance, HALF_MAX) == pytest.approx(
+    assert share_beyond(radiance, HALF_MAX) == pytest.approx(
         weights[0, 0, 0] * 3 * (1e6 - 65504) / (radiance * weights).sum(), rel=1e-4
     )
 
 
 def test_exr_half_without_a_peak_clips_nothing(tmp_path):
     radiance = np.random.default_rng(0).random((16, 32, 3)).astype(np.float32)
-    assert share_above(radiance, HALF_MAX) == 0.0
+    assert share_beyond(radiance, HALF_MAX) == 0.0
     write_exr(tmp_path / "map.exr", radiance)
     np.testing.assert_allclose(read_radiance(tmp_path / "map.exr"), radiance, rtol=1e-3, atol=1e-6)
     black = np.zeros((8, 16, 3))
-    assert share_above(black, HALF_MAX) == 0.0
+    assert share_beyond(black, HALF_MAX) == 0.0
     write_exr(tmp_path / "black.exr", black)
     assert not read_radiance(tmp_path / "black.exr").any()
 

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from anyprobe.core.latlong import bilinear, direction_to_uv
-from anyprobe.export.exported_light import ExportedLight, template
+from anyprobe.export.exported_light import ExportedLight, share_beyond, template
 from anyprobe.maps.radiance import HALF_MAX, write_hdr_picture
 
 if TYPE_CHECKING:
@@ -85,18 +85,6 @@ def box_mips(faces: Float[np.ndarray, "6 S S 3"]) -> list[np.ndarray]:
 
 HALF_LEAST = 2.0**-25
 """Largest magnitude that a half float rounds to 0."""
-
-
-def clipped_share(faces: Float[np.ndarray, "6 S S 3"], limit: float) -> float:
-    """Return the share of the energy of faces [6, S, S, 3], by solid angle, above limit or rounded to 0 by half
-    floats."""
-    size = faces.shape[1]
-    a = (np.arange(size) + 0.5) / size * 2 - 1
-    weights = (1 + a[:, None] ** 2 + a**2) ** -1.5
-    energy = float((faces * weights[None, :, :, None]).sum())
-    beyond = np.maximum(faces - limit, 0) + np.where(faces < HALF_LEAST, faces, 0)
-    lost = float((beyond * weights[None, :, :, None]).sum())
-    return lost / energy if energy > 0 else 0.0
 
 
 def to_half_rgba(faces: Float[np.ndarray, "6 S S 3"], limit: float) -> Float16[np.ndarray, "6 S S 4"]:
@@ -165,6 +153,6 @@ def write_ktx2(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
     write_ktx2_cube(folder / f"{light.name}.ktx2", [to_half_rgba(level, HALF_MAX) for level in levels])
     (folder / f"{light.name}.js").write_text(template("ktx2.js", light), encoding="utf-8")
     return {
-        "clipped_energy": clipped_share(levels[0], HALF_MAX),
+        "clipped_energy": share_beyond(light.radiance, HALF_MAX, HALF_LEAST),
         "cube": {**ADDRESSING, "size": levels[0].shape[1], "mips": len(levels), "filter": "box"},
     }

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from anyprobe.core.frames import is_rotation
+from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.errors import InputError, InvalidEnvironment
 from anyprobe.export.target_frames import FRONT, TargetFrame, webxr
 from anyprobe.files.paths import is_there, read_regular
@@ -219,6 +220,14 @@ def write_maps(light: ExportedLight, folder: Path, frame: TargetFrame, suffix: s
             darkest = rolled.min(where=rolled > 0, initial=np.inf)  # ignoring black
             half = bool(rolled.max() <= HALF_MAX and darkest >= HALF_MIN)
             write_exr(path, rolled, half=half, attributes=attributes)
+
+
+def share_beyond(radiance: Float[np.ndarray, "H 2*H 3"], limit: float, least: float = 0.0) -> float:
+    """Return the share of a map's energy above a limit, or below the least value that a format holds."""
+    areas = pixel_solid_angles(len(radiance))[..., None].astype(np.float64)
+    energy = float((radiance * areas).sum())
+    beyond = np.maximum(radiance - limit, 0.0) + np.where(radiance < least, radiance, 0.0)
+    return float((beyond * areas).sum()) / energy if energy > 0 else 0.0
 
 
 def template(name: str, light: ExportedLight) -> str:

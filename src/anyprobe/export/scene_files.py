@@ -20,8 +20,8 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from anyprobe.core.sampling import hammersley
-from anyprobe.export.cube_textures import C_FROM_OURS, clipped_share, cube_faces, face_directions, face_size
-from anyprobe.export.exported_light import EXPORT_SCALE, ExportedLight, numbers, read_template, write_maps
+from anyprobe.export.cube_textures import C_FROM_OURS, cube_faces, face_directions, face_size
+from anyprobe.export.exported_light import EXPORT_SCALE, ExportedLight, numbers, read_template, share_beyond, write_maps
 from anyprobe.export.target_frames import OPENEXR, gltf
 from anyprobe.files.meshes import glb_file
 from anyprobe.light.environment import reduced
@@ -133,7 +133,7 @@ def write_gltf(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
         document["scenes"][0]["nodes"] = list(range(len(light.lights)))
     (folder / f"{light.name}.glb").write_bytes(glb_file(document, bytes(blob)))
     return {
-        "clipped_energy": clipped_share(levels[0], RGBD_MAX),
+        "clipped_energy": share_beyond(light.ambient, RGBD_MAX),
         "gltf": {
             "size": levels[0].shape[1],
             "mips": len(levels),

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.core.spelling import did_you_mean
 from anyprobe.errors import InputError
 from anyprobe.export import cube_textures, scene_files
@@ -21,6 +20,7 @@ from anyprobe.export.exported_light import (
     prepare,
     primary_light,
     read_template,
+    share_beyond,
     sidecar,
     template,
     write_json,
@@ -136,7 +136,7 @@ def write_three(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
     (folder / f"{light.name}.html").write_text(page, encoding="utf-8")
     return {
         "half_float": "HDRLoader makes halfs of .hdr: what is above 65504 is clamped there",
-        "clipped_energy": share_above(light.radiance, HALF_MAX),
+        "clipped_energy": share_beyond(light.radiance, HALF_MAX),
     }
 
 
@@ -149,15 +149,8 @@ def write_jpeg(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
             "most_radiance": round(brightest, 4),
             "loader": "three.js UltraHDRLoader; mapping EquirectangularReflection",
         },
-        "clipped_energy": share_above(light.radiance, brightest),
+        "clipped_energy": share_beyond(light.radiance, brightest),
     }
-
-
-def share_above(radiance: np.ndarray, limit: float) -> float:
-    """Return the share of a map's energy [H, 2H, 3] above a limit."""
-    areas = pixel_solid_angles(len(radiance))[..., None].astype(np.float64)
-    energy = float((radiance * areas).sum())
-    return float((np.maximum(radiance - limit, 0.0) * areas).sum()) / energy if energy > 0 else 0.0
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
