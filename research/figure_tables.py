@@ -8,7 +8,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from anyprobe.cli.tables import print_table
+from anyprobe.cli.app import print_table
 
 
 def print_figures(

@@ -21,8 +21,7 @@ from rich.console import Console
 from rich.table import Table
 
 from anyprobe.cli.app import main as run_command
-from anyprobe.cli.app import new_app
-from anyprobe.cli.tables import print_table
+from anyprobe.cli.app import new_app, print_table
 from anyprobe.errors import InputError
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.runtime import Models, model_id

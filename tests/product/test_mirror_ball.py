@@ -10,7 +10,7 @@ from support.balls import FOV, ball_photo, rich_map
 import anyprobe
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import response
-from anyprobe.estimate.mirror_ball import looks_like_ball
+from anyprobe.estimate.extract import looks_like_ball
 from anyprobe.estimate.photo import load_photo
 from anyprobe.serve.answers import png
 from anyprobe.serve.api import create_app

@@ -1,4 +1,4 @@
-"""The command line: one file per command, each imported when it is asked for."""
+"""The command line: one file per command, each imported when it is asked for; and tables whose cells are never cut."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ from collections.abc import Callable, Iterator
 from typing import Any, NoReturn
 
 from cyclopts import App, CycloptsError, Parameter
+from rich.console import Console
+from rich.table import Table
 
 from anyprobe import __version__
 from anyprobe.cli.options import OPTIONS
@@ -159,3 +161,14 @@ def silenced() -> Iterator[None]:
 def _restore(saved: int, number: int) -> None:
     os.dup2(saved, number)
     os.close(saved)
+
+
+WIDEST = 10_000
+"""Longest line of a table [characters]."""
+
+
+def print_table(console: Console, table: Table) -> None:
+    """Print a table as wide as its cells; only the terminal itself breaks a line that is too long."""
+    room = console.options.update(max_width=WIDEST)
+    table.width = console.measure(table, options=room).maximum
+    console.print(table, soft_wrap=True)

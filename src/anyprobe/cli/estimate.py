@@ -20,7 +20,7 @@ from rich.table import Table
 
 from anyprobe import session
 from anyprobe.cli import options, photo_files
-from anyprobe.cli.tables import print_table
+from anyprobe.cli.app import print_table
 from anyprobe.errors import AnyprobeError, InputError, InvalidPhoto
 from anyprobe.files.atomic import check_folder
 from anyprobe.files.paths import open_regular

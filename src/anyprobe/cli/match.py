@@ -14,10 +14,10 @@ from rich.console import Console
 from rich.table import Table
 
 from anyprobe import session
+from anyprobe.cli.app import print_table
 from anyprobe.cli.export import target_names
 from anyprobe.cli.options import OPTIONS, JsonOption, ModelOptions, ObjectOptions, QuietOption, bounded, folder_option
 from anyprobe.cli.photo_files import result_stem, shot_of
-from anyprobe.cli.tables import print_table
 from anyprobe.errors import InputError
 from anyprobe.estimate.result import Light
 from anyprobe.light.environment import MAP_HEIGHT, rotate

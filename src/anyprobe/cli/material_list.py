@@ -10,8 +10,8 @@ from cyclopts import Parameter
 from rich.console import Console
 from rich.table import Table
 
+from anyprobe.cli.app import print_table
 from anyprobe.cli.options import JsonOption
-from anyprobe.cli.tables import print_table
 
 
 def materials(*words: Annotated[str, Parameter(name="WORD")], as_json: JsonOption = False) -> None:

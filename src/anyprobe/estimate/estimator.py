@@ -11,8 +11,7 @@ from typing import Any, Unpack
 import numpy as np
 
 from anyprobe.errors import InputError
-from anyprobe.estimate.extract import Extract, extract_of, extracts_of
-from anyprobe.estimate.mirror_ball import CHROME, METAL, said_of_ball
+from anyprobe.estimate.extract import CHROME, METAL, Extract, extract_of, extracts_of, said_of_ball
 from anyprobe.estimate.multiview import estimate_views
 from anyprobe.estimate.photo import Photo, load_photo
 from anyprobe.estimate.refine import (

@@ -9,6 +9,7 @@ from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import replace
 from functools import partial
+from http import HTTPStatus
 from importlib import resources
 from typing import Annotated, Any, Literal
 
@@ -31,9 +32,8 @@ from anyprobe.estimate.result import LEVEL
 from anyprobe.export.targets import TARGETS
 from anyprobe.serve import answers, forms, tasks
 from anyprobe.serve.answers import problem
-from anyprobe.serve.counters import Counted, Metrics
 from anyprobe.serve.forms import EstimateForm, ExportForm, MaskForm, PhotoForm, TargetName
-from anyprobe.serve.guards import Admission, OwnPagesOnly, SecureHeaders, TokenOnly
+from anyprobe.serve.guards import Admission, Counted, Metrics, OwnPagesOnly, SecureHeaders, TokenOnly
 from anyprobe.serve.limits import Limits
 from anyprobe.serve.page import Page, add_page
 from anyprobe.serve.pool import Cancelled, WorkerPool
@@ -127,7 +127,7 @@ def _answers(*statuses: int, content: dict[str, Any] | None = None) -> dict[int 
     return described | ({} if content is None else {200: {"description": "done", "content": content}})
 
 
-_SENT = (401, 403, 408, 413, 422, 429, 501)
+_SENT = tuple(status for status in REFUSALS if status != HTTPStatus.NOT_ACCEPTABLE)
 """Refusals of addresses that take files."""
 _FILE = {"schema": {"type": "string", "format": "binary"}}
 _SIDECAR = json.loads((resources.files("anyprobe") / "estimate" / "sidecar.schema.json").read_text(encoding="utf-8"))

@@ -14,9 +14,8 @@ from rich.console import Console
 from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TransferSpeedColumn
 from rich.table import Table
 
-from anyprobe.cli.app import new_app
+from anyprobe.cli.app import new_app, print_table
 from anyprobe.cli.options import bounded
-from anyprobe.cli.tables import print_table
 from anyprobe.errors import InputError
 from anyprobe_train.assets import frozen_set, polyhaven
 from anyprobe_train.assets.download import PAUSE_S, Client, ServerBusy

@@ -15,8 +15,8 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from anyprobe.cli.app import print_table
 from anyprobe.cli.options import bounded, folder_option
-from anyprobe.cli.tables import print_table
 from anyprobe.errors import InputError
 from anyprobe.inputs.settings import DEFAULT_MODEL, MODEL_HELP
 from anyprobe.notices import give
