@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any, TypedDict
+from typing import Any
 
 import numpy as np
 
@@ -30,38 +30,11 @@ OF_THE_MAP = (
 """Keys of a sidecar, or of the server's answer kept as one, besides a light's info."""
 
 
-class MaskInfo(TypedDict, total=False):
-    """Where the mask came from, and its expected IoU (None where it was given)."""
-
-    source: str
-    confidence: float | None
-
-
-class CropInfo(TypedDict):
-    """Centre of the square around the object that the network saw, in pixels of the photo."""
-
-    center_px: list[float]
-
-
-class ObjectInfo(TypedDict):
-    """The estimated material: probability of a metal, reflectance of an even light, RGB, and its error in stops that
-    holds in two of three cases."""
-
-    metal: float
-    reflectance: list[float]
-    reflectance_stops: float
-
-
-class Uncertainty(TypedDict):
-    """How far off the map is in two of three cases: its level in stops, its mean colour in degrees."""
-
-    level_stops: float
-    color_deg: float
-
-
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Origin:
     """How a light came about. None where it is not known: a Light need not be an estimate.
+
+    sidecar.schema.json describes the entries of dictionaries.
 
     Attributes:
         photo: file name.
@@ -87,11 +60,11 @@ class Origin:
     fov_source: str | None = None
     pitch_deg: float | None = None
     ground: Ground | None = None
-    mask: MaskInfo | None = None
+    mask: dict[str, Any] | None = None
     hints: dict[str, Any] | None = None
-    object: ObjectInfo | None = None
-    uncertainty: Uncertainty | None = None
-    crop: CropInfo | None = None
+    object: dict[str, Any] | None = None
+    uncertainty: dict[str, Any] | None = None
+    crop: dict[str, Any] | None = None
     fused: list[str | None] | None = None
     seconds: dict[str, float] | None = None
     more: Mapping[str, Any] = field(default_factory=dict)
