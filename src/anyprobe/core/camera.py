@@ -84,18 +84,17 @@ class PinholeCamera:
 
 
 def draw_on_sphere(
-    picture: np.ndarray, camera: PinholeCamera, frame_from_camera: np.ndarray, rows: int, density: float = 1.0
+    picture: np.ndarray, camera: PinholeCamera, frame_from_camera: np.ndarray, rows: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Draw a photo into the map of a frame.
 
     Args:
-        picture: [H, W, C], of any size, of the camera's photo.
+        picture: [H, W, C], of any size, of the camera's photo; it is shrunk by means over areas to the map's pixels.
         frame_from_camera: [3, 3] rotation.
-        density: pixels of the photo, which is shrunk by means over areas, per pixel of the map.
     Returns:
         [rows, 2 rows, C] float32, zero outside the photo, and which directions are inside it [rows, 2 rows].
     """
-    scale = min(1.0, density * rows / np.pi / camera.focal)
+    scale = min(1.0, rows / np.pi / camera.focal)
     size = max(1, round(camera.width * scale)), max(1, round(camera.height * scale))
     size = min(size[0], picture.shape[1]), min(size[1], picture.shape[0])
     d = pixel_directions(rows) @ np.asarray(frame_from_camera, np.float32)  # R^T d

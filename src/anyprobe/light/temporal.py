@@ -140,10 +140,8 @@ def step(
     state: FilterState | None,
     radiance: Float[np.ndarray, "H 2*H 3"],
     dt_s: float,
-    smoothing: Smoothing | None = None,
     world_from_camera: np.ndarray | None = None,
     looks_same: bool = False,
-    numbers: SourceFilter | None = None,
 ) -> FilterState:
     """Return the state after one more frame; pure.
 
@@ -152,13 +150,12 @@ def step(
             has none or the other way round, counts as None: the filter begins anew.
         radiance: [H, 2H, 3] of this frame.
         dt_s: seconds since the last frame, > 0; may differ from frame to frame.
-        smoothing, numbers: of the soft part and of the sources.
         world_from_camera: this frame's camera's rotation, [3, 3] or [4, 4]; the state is filtered in the world then.
         looks_same: whether the object's shading equals that of the last frames; False if unknown.
     Raises:
         InputError: world_from_camera is no rotation. InvalidEnvironment: not a map.
     """
-    c, n = smoothing or Smoothing(), numbers or SourceFilter()
+    n = SourceFilter()
     sources, soft = split_sources(check_radiance(radiance, "frame's light"))
     in_world = world_from_camera is not None
     pose = np.eye(3) if world_from_camera is None else check_pose(world_from_camera, "world_from_camera")
@@ -186,7 +183,7 @@ def step(
     tracks = _led(_followed(tracks, sources, pairs, dt_s, n), math.inf if is_same else n.lead)
     has_leader = any(track.leads and track.is_seen for track in tracks) and odd_s == 0.0
     return FilterState(
-        soft=advance(state.soft, y, dt_s, _apart, c),
+        soft=advance(state.soft, y, dt_s, _apart, Smoothing()),
         tracks=tracks,
         pose=pose,
         odd_s=odd_s if is_same else 0.0,
