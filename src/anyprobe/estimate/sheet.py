@@ -31,7 +31,7 @@ RING = 14
 """Radius of the ring around the dominant light [px]."""
 GAP = 8
 CAPTION = 20
-BACKGROUND, CAPTION_COLOR = (20, 20, 20), (220, 220, 220)
+BACKGROUND, CAPTION_COLOR = "black", "gainsboro"
 Captioned = tuple[str, np.ndarray]
 
 EDGE = (0.1, 1.0, 0.4)
@@ -93,7 +93,7 @@ def _ringed(picture: np.ndarray, direction: np.ndarray) -> np.ndarray:
     canvas = Image.fromarray(to_bytes(picture))
     draw = ImageDraw.Draw(canvas)
     for left in (column - width, column, column + width):
-        for radius, color, line in ((RING + 1, (255, 255, 255), 4), (RING, (0, 0, 0), 2)):
+        for radius, color, line in ((RING + 1, "white", 4), (RING, "black", 2)):
             draw.ellipse((left - radius, row - radius, left + radius, row + radius), outline=color, width=line)
     return np.asarray(canvas, np.float32) / 255
 
@@ -152,6 +152,6 @@ def _drawable(text: str) -> str:
 def _fit(picture: np.ndarray, height: int) -> np.ndarray:
     """Scale a display picture to a height, its shape kept."""
     width = max(1, round(picture.shape[1] * height / picture.shape[0]))
-    image = Image.fromarray(np.round(np.clip(picture, 0, 1) * 255).astype(np.uint8))
-    resized = image.resize((min(width, 4 * height), height), Image.Resampling.BICUBIC)
+    size = min(width, 4 * height), height
+    resized = Image.fromarray(to_bytes(picture)).resize(size, Image.Resampling.BICUBIC)
     return np.asarray(resized, dtype=np.float32) / 255
