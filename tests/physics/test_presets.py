@@ -6,23 +6,15 @@ import numpy as np
 import pytest
 from support.refused import refused
 
-from anyprobe.scatter.materials import (
-    MATERIALS,
-    MATTE,
-    MEASURED,
-    PRESETS,
-    as_material,
-    given_material,
-    total_reflectance,
-)
+from anyprobe.scatter.materials import MATERIALS, MATTE, MEASURED, PRESETS, as_material, total_reflectance
 
 
 @pytest.mark.parametrize("albedo", [0.18, [0.18], (0.18, 0.18, 0.18), np.float32(0.18)])
 def test_one_number_or_three_are_an_albedo(albedo):
-    found = given_material(albedo=albedo)
+    found = as_material(albedo=albedo)
     np.testing.assert_allclose(found.albedo, [0.18] * 3, rtol=1e-6)
     assert found.alpha == MATERIALS[MATTE].alpha
-    assert given_material() is None
+    assert as_material() is None
 
 
 @pytest.mark.parametrize(
@@ -30,7 +22,7 @@ def test_one_number_or_three_are_an_albedo(albedo):
 )
 def test_other_albedo_is_one_line(albedo, word):
     with refused("albedo") as caught:
-        given_material(albedo=albedo)
+        as_material(albedo=albedo)
     assert word in str(caught.value)
 
 

@@ -12,7 +12,7 @@ from support.scenes import sphere_photo
 import anyprobe
 from anyprobe.estimate.extract import extract_of
 from anyprobe.estimate.photo import load_photo
-from anyprobe.scatter.materials import MATERIALS, as_material, given_material
+from anyprobe.scatter.materials import MATERIALS, as_material
 
 
 def through(entry: str, estimator, rgba: np.ndarray, **given):
@@ -34,8 +34,8 @@ def expected(estimator) -> list[tuple[dict, anyprobe.Light]]:
     """What is told, and the light of the Material that it means."""
     means = [
         ({"material": "chrome"}, MATERIALS["chrome"]),
-        ({"albedo": 0.18}, given_material(albedo=0.18)),
-        ({"material": "plastic", "albedo": [0.2, 0.3, 0.4]}, given_material("plastic", (0.2, 0.3, 0.4))),
+        ({"albedo": 0.18}, as_material(albedo=0.18)),
+        ({"material": "plastic", "albedo": [0.2, 0.3, 0.4]}, as_material("plastic", (0.2, 0.3, 0.4))),
     ]
     return [(given, estimator(sphere_photo(), material=material)) for given, material in means]
 

@@ -122,73 +122,62 @@ LEAST_ROUGHNESS: float = contract("materials")["least_roughness"]
 """Smallest roughness: below it a lobe is narrower than any pixel."""
 
 
-def given_material(
-    name: str | None = None, albedo: Albedo | None = None, roughness: float | None = None
-) -> Material | None:
-    """Return the material with this name, albedo and roughness, each optional; None where nothing is given.
-
-    Args:
-        name: one of MATERIALS; None with an albedo or a roughness is MATTE.
-        albedo: linear, one number or three, in (0, 1]; replaces the named material's.
-        roughness: 0.1 to 1; replaces the named material's.
-    Raises:
-        InputError: another name, albedo or roughness, or an albedo for a metal, which has none.
-    """
-    if name is None and albedo is None and roughness is None:
-        return None
-    material = material_named(MATTE if name is None else name)
-    if roughness is not None:
-        if not LEAST_ROUGHNESS <= roughness <= 1:
-            raise InputError(
-                f"expected a number from {LEAST_ROUGHNESS:g} to 1, got {roughness:g}; 0.1 is polished, 1 is matte",
-                subject="roughness",
-            )
-        material = replace(material, alpha=alpha_from_roughness(roughness))
-    if albedo is None:
-        return material
-    values = np.asarray(albedo, np.float64).reshape(-1)
-    if values.size not in (1, 3) or not ((values > 0) & (values <= 1)).all():
-        raise InputError(
-            f"expected one number or three above 0 and up to 1, got {', '.join(f'{v:g}' for v in values)}; "
-            "a grey card has 0.18",
-            subject="albedo",
-        )
-    if not np.any(material.albedo):
-        raise InputError(
-            f"expected a material that has one, got the metal {name}; leave one of them out", subject="albedo"
-        )
-    return replace(material, albedo=np.broadcast_to(values, 3).copy())
-
-
 def as_material(
     material: Material | str | None = None, albedo: Albedo | None = None, roughness: float | None = None
 ) -> Material | None:
     """Return the object's material from any of a Material, a name, albedo, roughness; None where nothing is given.
 
+    Args:
+        material: a Material, or one of MATERIALS; None with an albedo or a roughness is MATTE.
+        albedo: linear, one number or three, in (0, 1]; replaces the named material's.
+        roughness: 0.1 to 1; replaces the named material's.
     Raises:
-        InputError: neither a material nor a name, values impossible for a surface, or an albedo beside a Material.
+        InputError: neither a material nor a name, values impossible for a surface, or an albedo beside a Material or
+            for a metal, which has none.
     """
-    if not isinstance(material, Material | str | None):
+    if material is None and albedo is None and roughness is None:
+        return None
+    if isinstance(material, Material):
+        if albedo is not None or roughness is not None:
+            raise InputError(
+                "albedo, roughness: expected a material's name beside it or none, got a Material, which has its own; "
+                "leave one of them out"
+            )
+        return _checked(material)
+    if not isinstance(material, str | None):
         raise InputError(
             f"expected a Material or one of {', '.join(PRESETS)} or a measured one's name, "
             f"got {type(material).__name__}; "
             "give an albedo alone as albedo=",
             subject="material",
         )
+    found = material_named(MATTE if material is None else material)
+    if roughness is not None:
+        if not LEAST_ROUGHNESS <= roughness <= 1:
+            raise InputError(
+                f"expected a number from {LEAST_ROUGHNESS:g} to 1, got {roughness:g}; 0.1 is polished, 1 is matte",
+                subject="roughness",
+            )
+        found = replace(found, alpha=alpha_from_roughness(roughness))
+    if albedo is None:
+        return found
     try:
-        values = None if albedo is None else [float(v) for v in np.asarray(albedo, np.float64).reshape(-1)]
+        values = np.asarray(albedo, np.float64).reshape(-1)
     except (TypeError, ValueError) as error:
         raise InputError(
             f"expected one number or three, got {' '.join(repr(albedo).split())}", subject="albedo"
         ) from error
-    if not isinstance(material, Material):
-        return given_material(material, values, roughness)
-    if albedo is not None or roughness is not None:
+    if values.size not in (1, 3) or not ((values > 0) & (values <= 1)).all():
         raise InputError(
-            "albedo, roughness: expected a material's name beside it or none, got a Material, which has its own; "
-            "leave one of them out"
+            f"expected one number or three above 0 and up to 1, got {', '.join(f'{v:g}' for v in values)}; "
+            "a grey card has 0.18",
+            subject="albedo",
         )
-    return _checked(material)
+    if not np.any(found.albedo):
+        raise InputError(
+            f"expected a material that has one, got the metal {material}; leave one of them out", subject="albedo"
+        )
+    return replace(found, albedo=np.broadcast_to(values, 3).copy())
 
 
 def _checked(material: Material) -> Material:
