@@ -47,38 +47,27 @@ LEAD_MARGIN: float = RULES["margin"]
 """Least ratio of the leader's peak to that of any other source that is shown."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class SourceFilter:
-    """Numbers of a source's filter: one-sigma values, in radians for directions and ln units for sizes.
-
-    noise, size_noise: of one frame's estimate. drift, size_drift: of the light itself in a second; world_drift: share
-    of it where light is filtered in the world, and turn_drift: drift for each radian that the camera turns there.
-    gate: largest innovation that is the same source's. lead: ratio of strengths at which the leader changes.
-    fade_s: time in which a source appears and fades. same_s: time after which an object that looks the same counts as
-    such. patience_s: see the module. cut: distance of ln radiance.
-    """
-
-    noise: float = float(np.radians(RULES["noise_deg"]))
-    size_noise: float = RULES["size_noise"]
-    drift: float = float(np.radians(RULES["drift_deg"]))
-    size_drift: float = RULES["size_drift"]
-    world_drift: float = RULES["world_drift"]
-    turn_drift: float = RULES["turn_drift"]
-    gate: float = float(np.radians(RULES["gate_deg"]))
-    lead: float = RULES["lead"]
-    fade_s: float = RULES["fade_s"]
-    same_s: float = RULES["same_s"]
-    patience_s: float = RULES["patience_s"]
-    cut: float = RULES["cut"]
+NOISE, DRIFT, GATE = (float(np.radians(RULES[f"{name}_deg"])) for name in ("noise", "drift", "gate"))
+"""One-sigma error of one frame's direction [radians], and drift of the light itself in a second; largest innovation
+that is the same source's."""
+SIZE_NOISE, SIZE_DRIFT = RULES["size_noise"], RULES["size_drift"]
+"""The same of sizes, in ln units."""
+WORLD_DRIFT, TURN_DRIFT = RULES["world_drift"], RULES["turn_drift"]
+"""Share of the drift where light is filtered in the world, and drift for each radian that the camera turns there."""
+LEAD, CUT = RULES["lead"], RULES["cut"]
+"""Ratio of strengths at which the leader changes, and distance of ln radiance of another scene."""
+FADE_S, SAME_S, PATIENCE_S = RULES["fade_s"], RULES["same_s"], RULES["patience_s"]
+"""Times in which a source appears and fades, and after which an object that looks the same counts as such; patience:
+see the module."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Track:
     """A source followed over frames.
 
-    direction: [3] unit. size: ln of power RGB + OFFSET and of the radius, [4]. variance, size_variance: of both, in the
-    units of SourceFilter squared. share: fraction of its power that is shown. is_seen: the last frame had it. leads: it
-    is the leader.
+    direction: [3] unit. size: ln of power RGB + OFFSET and of the radius, [4]. variance, size_variance: of both, as the
+    squares of NOISE and SIZE_NOISE. share: fraction of its power that is shown. is_seen: the last frame had it. leads:
+    it is the leader.
     """
 
     direction: np.ndarray
@@ -155,7 +144,6 @@ def step(
     Raises:
         InputError: world_from_camera is no rotation. InvalidEnvironment: not a map.
     """
-    n = SourceFilter()
     sources, soft = split_sources(check_radiance(radiance, "frame's light"))
     in_world = world_from_camera is not None
     pose = np.eye(3) if world_from_camera is None else check_pose(world_from_camera, "world_from_camera")
@@ -166,21 +154,21 @@ def step(
     if state is not None and not (np.isfinite(dt_s) and dt_s > 0):
         raise ValueError(f"expected dt_s > 0, got {dt_s}")
     if state is None or state.in_world != in_world or state.soft.fast.shape != y.shape:
-        return _begun(y, sources, pose, in_world, n)
+        return _begun(y, sources, pose, in_world)
     same_s = state.same_s + dt_s if looks_same else 0.0
-    is_same = same_s > n.same_s
+    is_same = same_s > SAME_S
     turned = _angle_between(state.pose, pose) if in_world else 0.0
-    tracks = state.tracks if is_same else tuple(_predicted(one, dt_s, turned, in_world, n) for one in state.tracks)
-    pairs = _pairs(tracks, sources, n)
-    is_cut = _apart(y, state.soft.fast) > n.cut
-    odd_s = state.odd_s + dt_s if is_cut or _is_odd(tracks, sources, pairs, n) else 0.0
-    if 0.0 < odd_s <= max(min(state.led_s, n.patience_s) if is_same else 0.0, dt_s):
+    tracks = state.tracks if is_same else tuple(_predicted(one, dt_s, turned, in_world) for one in state.tracks)
+    pairs = _pairs(tracks, sources)
+    is_cut = _apart(y, state.soft.fast) > CUT
+    odd_s = state.odd_s + dt_s if is_cut or _is_odd(tracks, sources, pairs) else 0.0
+    if 0.0 < odd_s <= max(min(state.led_s, PATIENCE_S) if is_same else 0.0, dt_s):
         return replace(state, held=True, odd_s=odd_s, same_s=same_s)
     if is_cut and not is_same:
-        return replace(_begun(y, sources, pose, in_world, n), same_s=same_s)
+        return replace(_begun(y, sources, pose, in_world), same_s=same_s)
     if is_same and odd_s > 0.0:
-        tracks, pairs = _with_leader_at_strongest(tracks, sources, pairs, n)
-    tracks = _led(_followed(tracks, sources, pairs, dt_s, n), math.inf if is_same else n.lead)
+        tracks, pairs = _with_leader_at_strongest(tracks, sources, pairs)
+    tracks = _led(_followed(tracks, sources, pairs, dt_s), math.inf if is_same else LEAD)
     has_leader = any(track.leads and track.is_seen for track in tracks) and odd_s == 0.0
     return FilterState(
         soft=advance(state.soft, y, dt_s, _apart, Smoothing()),
@@ -193,36 +181,30 @@ def step(
     )
 
 
-def _begun(
-    y: np.ndarray, sources: Sequence[LightSource], pose: np.ndarray, in_world: bool, n: SourceFilter
-) -> FilterState:
+def _begun(y: np.ndarray, sources: Sequence[LightSource], pose: np.ndarray, in_world: bool) -> FilterState:
     """Return the first state, or that after a cut."""
-    tracks = _led(tuple(_new(one, n, share=1.0) for one in sources), n.lead)
+    tracks = _led(tuple(_new(one, share=1.0) for one in sources), LEAD)
     return FilterState(soft=begin_filter(y), tracks=tracks, pose=pose, in_world=in_world)
 
 
-def _new(source: LightSource, n: SourceFilter, share: float) -> Track:
+def _new(source: LightSource, share: float) -> Track:
     direction = np.asarray(source.direction, np.float64)
-    return Track(
-        direction=direction, size=_size(source), variance=n.noise**2, size_variance=n.size_noise**2, share=share
-    )
+    return Track(direction=direction, size=_size(source), variance=NOISE**2, size_variance=SIZE_NOISE**2, share=share)
 
 
-def _predicted(track: Track, dt_s: float, turned: float, in_world: bool, n: SourceFilter) -> Track:
+def _predicted(track: Track, dt_s: float, turned: float, in_world: bool) -> Track:
     """Return a track whose variances have grown by the drift of dt_s seconds and of a turn [radians] of the camera."""
-    share = n.world_drift if in_world else 1.0
-    variance = (share * n.drift) ** 2 * dt_s + (n.turn_drift * turned) ** 2
-    return replace(
-        track, variance=track.variance + variance, size_variance=track.size_variance + n.size_drift**2 * dt_s
-    )
+    share = WORLD_DRIFT if in_world else 1.0
+    variance = (share * DRIFT) ** 2 * dt_s + (TURN_DRIFT * turned) ** 2
+    return replace(track, variance=track.variance + variance, size_variance=track.size_variance + SIZE_DRIFT**2 * dt_s)
 
 
-def _updated(track: Track, source: LightSource, n: SourceFilter) -> Track:
+def _updated(track: Track, source: LightSource) -> Track:
     """Return a track after a measurement of its source, whose innovation counts up to the gate."""
-    gain = track.variance / (track.variance + n.noise**2)
-    size_gain = track.size_variance / (track.size_variance + n.size_noise**2)
+    gain = track.variance / (track.variance + NOISE**2)
+    size_gain = track.size_variance / (track.size_variance + SIZE_NOISE**2)
     innovation = source.direction - track.direction
-    innovation = innovation * min(1.0, n.gate / max(_angle(track.direction, source.direction), 1e-9))
+    innovation = innovation * min(1.0, GATE / max(_angle(track.direction, source.direction), 1e-9))
     direction = track.direction + gain * innovation
     return replace(
         track,
@@ -235,22 +217,22 @@ def _updated(track: Track, source: LightSource, n: SourceFilter) -> Track:
 
 
 def _followed(
-    tracks: Sequence[Track], sources: Sequence[LightSource], pairs: dict[int, int], dt_s: float, n: SourceFilter
+    tracks: Sequence[Track], sources: Sequence[LightSource], pairs: dict[int, int], dt_s: float
 ) -> tuple[Track, ...]:
     """Return the tracks after one more frame: those that it has, those that it lacks, fading, and new ones."""
-    fade = min(dt_s / n.fade_s, 1.0)
+    fade = min(dt_s / FADE_S, 1.0)
     followed = [
-        replace(_updated(track, sources[pairs[i]], n), share=min(track.share + fade, 1.0))
+        replace(_updated(track, sources[pairs[i]]), share=min(track.share + fade, 1.0))
         if i in pairs
         else replace(track, is_seen=False, share=track.share - (0.0 if track.is_seen else fade))
         for i, track in enumerate(tracks)
     ]
     taken = set(pairs.values())
-    followed += [_new(one, n, share=fade) for j, one in enumerate(sources) if j not in taken]
+    followed += [_new(one, share=fade) for j, one in enumerate(sources) if j not in taken]
     return tuple(track for track in followed if track.share > 0.0)
 
 
-def _pairs(tracks: Sequence[Track], sources: Sequence[LightSource], n: SourceFilter) -> dict[int, int]:
+def _pairs(tracks: Sequence[Track], sources: Sequence[LightSource]) -> dict[int, int]:
     """Match sources of the frame to tracks by the least innovation: indices of sources by those of tracks.
 
     A source's reach is its own radius: a wide one's centre is less certain.
@@ -258,7 +240,7 @@ def _pairs(tracks: Sequence[Track], sources: Sequence[LightSource], n: SourceFil
     costs = []
     for i, track in enumerate(tracks):
         for j, source in enumerate(sources):
-            angle = _angle(track.direction, source.direction) / (n.gate + np.radians(source.radius_deg) / 2.0)
+            angle = _angle(track.direction, source.direction) / (GATE + np.radians(source.radius_deg) / 2.0)
             if angle <= 1.0:
                 ratio = float(np.abs(track.size[:3] - _size(source)[:3]).mean())
                 costs.append((angle + ratio, i, j))
@@ -270,14 +252,14 @@ def _pairs(tracks: Sequence[Track], sources: Sequence[LightSource], n: SourceFil
 
 
 def _with_leader_at_strongest(
-    tracks: tuple[Track, ...], sources: Sequence[LightSource], pairs: dict[int, int], n: SourceFilter
+    tracks: tuple[Track, ...], sources: Sequence[LightSource], pairs: dict[int, int]
 ) -> tuple[tuple[Track, ...], dict[int, int]]:
     """Match the leader with the strongest source, wherever it is; it is as uncertain as half a frame's noise."""
     leader = next((i for i, track in enumerate(tracks) if track.leads), None)
     if leader is None or not sources:
         return tracks, pairs
     first = int(np.argmax([_strength(one) for one in sources]))
-    doubted = replace(tracks[leader], variance=max(tracks[leader].variance, (n.noise / 2.0) ** 2))
+    doubted = replace(tracks[leader], variance=max(tracks[leader].variance, (NOISE / 2.0) ** 2))
     others = {i: j for i, j in pairs.items() if i != leader and j != first}
     return (*tracks[:leader], doubted, *tracks[leader + 1 :]), {**others, leader: first}
 
@@ -305,12 +287,12 @@ def _led(tracks: Sequence[Track], lead: float) -> tuple[Track, ...]:
     return tuple(replace(track, leads=i == best) for i, track in enumerate(tracks))
 
 
-def _is_odd(tracks: Sequence[Track], sources: Sequence[LightSource], pairs: dict[int, int], n: SourceFilter) -> bool:
+def _is_odd(tracks: Sequence[Track], sources: Sequence[LightSource], pairs: dict[int, int]) -> bool:
     """Return whether a frame shows another leader than the known one."""
     for i, track in enumerate(tracks):
         if track.leads:
             most = max((_strength(one) for one in sources), default=0.0)
-            return i not in pairs or most > n.lead * _strength(sources[pairs[i]])
+            return i not in pairs or most > LEAD * _strength(sources[pairs[i]])
     return False
 
 
