@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import io
 import os
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
 from PIL import Image
@@ -15,7 +14,6 @@ from anyprobe.errors import InvalidMask
 from anyprobe.files.paths import open_regular
 from anyprobe.maps.exr import EXR_MAGIC, in_display, open_exr, read_channel
 from anyprobe.masks.check import check_mask
-from anyprobe.notices import give
 from anyprobe.pictures.headers import MAX_PIXELS
 
 if TYPE_CHECKING:
@@ -26,6 +24,7 @@ DepthSource = str | os.PathLike[str] | bytes | np.ndarray
 ASPECT_TOLERANCE = 0.02
 """Largest relative difference between the aspect ratios of a depth image and a photo of the same view."""
 
+NPY_MAGIC = b"\x93NUMPY"
 EXR_CHANNELS = ("Z", "V", "Y", "R")
 """Channels of an .exr that may hold depth, in order of preference."""
 
@@ -44,18 +43,11 @@ def read_depth(source: DepthSource) -> np.ndarray:
         values, name = source, "depth"
     else:
         name = "depth" if isinstance(source, bytes) else Path(source).name
-        if not isinstance(source, bytes) and not Path(source).is_file():
-            raise InvalidMask("no such file; check the path", subject="depth", source=source)
         try:
-            values = _reader(source)(source, name)
-        except InvalidMask:
-            raise
-        except Exception as error:  # decoders raise whatever the bad bytes lead them to
-            raise InvalidMask(
-                "expected a depth image (16-bit PNG, TIFF, EXR, .npy), got something else; export it again",
-                subject="depth",
-                source=name,
-            ) from error
+            with io.BytesIO(source) if isinstance(source, bytes) else open_regular(source, InvalidMask) as stream:
+                values = _decoded(stream, name)
+        except InvalidMask as error:
+            raise InvalidMask(error, subject="depth") from error
     values = np.asarray(values)
     if values.ndim == 3 and values.shape[2] == 1:
         values = values[..., 0]
@@ -92,14 +84,8 @@ def mask_from_depth(
     Args:
         source: see read_depth.
         shape: (height, width) of the upright photo.
-        near, far: at least one of them; None: no bound on that side.
+        near, far: None: no bound on that side.
     """
-    if near is None and far is None:
-        raise InvalidMask(
-            "expected a near or far depth, in the image's own unit, got neither",
-            subject="depth",
-            remedy=give("near", "far"),
-        )
     low, high = 0.0 if near is None else float(near), np.inf if far is None else float(far)
     if not 0.0 <= low < high:
         raise InvalidMask(f"expected 0 <= near < far, got {low:g} and {high:g}", subject=("near", "far"))
@@ -121,23 +107,23 @@ def mask_from_depth(
     return check_mask(inside.astype(np.float32))
 
 
-_File = str | os.PathLike[str] | bytes
+def _decoded(stream: BinaryIO, name: str) -> np.ndarray:
+    """Decode an open file, whose first bytes decide how."""
+    start = stream.read(len(NPY_MAGIC))
+    stream.seek(0)
+    try:
+        if start.startswith(EXR_MAGIC):
+            return _read_exr(stream, name)
+        return np.load(stream, allow_pickle=False) if start == NPY_MAGIC else _read_picture(stream, name)
+    except InvalidMask:
+        raise
+    except Exception as error:  # decoders raise whatever the bad bytes lead them to
+        text = "expected a depth image (16-bit PNG, TIFF, EXR, .npy), got something else; export it again"
+        raise InvalidMask(text, source=name) from error
 
 
-def _reader(source: _File) -> Callable[[_File, str], np.ndarray]:
-    """Choose a reader by the suffix of a path, or by the first bytes."""
-    if isinstance(source, bytes):
-        known = {EXR_MAGIC: _read_exr, b"\x93NUMPY": _read_npy}
-        return next((reader for start, reader in known.items() if source.startswith(start)), _read_picture)
-    return {".exr": _read_exr, ".npy": _read_npy}.get(Path(source).suffix.lower(), _read_picture)
-
-
-def _opened(source: _File) -> str | os.PathLike[str] | io.BytesIO:
-    return io.BytesIO(source) if isinstance(source, bytes) else source
-
-
-def _read_picture(source: _File, name: str) -> np.ndarray:
-    with Image.open(_opened(source), formats=["PNG", "TIFF"]) as image:
+def _read_picture(stream: BinaryIO, name: str) -> np.ndarray:
+    with Image.open(stream, formats=["PNG", "TIFF"]) as image:
         if image.width * image.height > MAX_PIXELS:
             raise InvalidMask(
                 f"expected at most {MAX_PIXELS // 1_000_000} million pixels, "
@@ -155,21 +141,14 @@ def _read_picture(source: _File, name: str) -> np.ndarray:
         return values
 
 
-def _read_npy(source: _File, name: str) -> np.ndarray:
-    return np.load(_opened(source), allow_pickle=False)
-
-
-def _read_exr(source: _File, name: str) -> np.ndarray:
-    with open_regular(source, InvalidMask) if not isinstance(source, bytes) else io.BytesIO(source) as stream:
-        with open_exr(stream, name, InvalidMask, MAX_PIXELS) as image:
-            found = image.spec().channelnames
-            names = sorted(
-                (key for key in found if not _is_of_color(key, image)), key=lambda key: "depth" in key.lower()
-            )
-            channels = {key.split(".")[-1]: key for key in names}  # the layer whose name has depth in it wins
-            chosen = next((channels[one] for one in EXR_CHANNELS if one in channels), None)
-            if chosen is not None:
-                return in_display(read_channel(image, chosen), image.spec())
+def _read_exr(stream: BinaryIO, name: str) -> np.ndarray:
+    with open_exr(stream, name, InvalidMask, MAX_PIXELS) as image:
+        found = image.spec().channelnames
+        names = sorted((key for key in found if not _is_of_color(key, image)), key=lambda key: "depth" in key.lower())
+        channels = {key.split(".")[-1]: key for key in names}  # the layer whose name has depth in it wins
+        chosen = next((channels[one] for one in EXR_CHANNELS if one in channels), None)
+        if chosen is not None:
+            return in_display(read_channel(image, chosen), image.spec())
     raise InvalidMask(
         f"expected a channel Z, V, Y or R, got {', '.join(sorted(found)) or 'none'}", subject="depth", source=name
     )

@@ -85,9 +85,6 @@ def find_mask(
         return _given(mask_from_file(mask, shape), "mask", pixels.name)
     if depth is not None:
         return _given(mask_from_depth(depth, shape, near, far), "depth", pixels.name)
-    if near is not None or far is not None:
-        subject = "near" if far is None else "far"
-        raise InvalidMask("expected a depth image to cut, got none", subject=subject, remedy=give("depth"))
     return _find(pixels, check_prompts(click, exclude, box, *shape[::-1]), segmenter)
 
 
