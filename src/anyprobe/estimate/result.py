@@ -362,8 +362,7 @@ class Light:
         own_frame = {name: str(value) for name, value in frame_of(self.map_from_camera).items()}
         attributes = {"model": self.origin.model or "", **own_frame, "scale": SCALE}
         if kind == ".exr":
-            half = bool(self.radiance.max() < HALF_MAX)
-            write_exr(path, self.radiance, half=half, attributes=attributes, colorspace=colorspace)
+            write_exr(path, self.radiance, half=None, attributes=attributes, colorspace=colorspace)
         elif kind == ".hdr":
             write_hdr(path, self.radiance, attributes=attributes)
         elif kind == ".json":

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -114,16 +114,8 @@ def read_exr(
     Returns:
         [H, W, 3] or [H, W, 4] float32: colour is premultiplied by A.
     """
-    if not isinstance(source, bytes):
-        with open_regular(source, fault) as stream:
-            return _read_colors(stream, name, fault, max_pixels, rec709)
-    return _read_colors(source, name, fault, max_pixels, rec709)
-
-
-def _read_colors(
-    source: BinaryIO | bytes, name: str, fault: type[InputError], max_pixels: int, rec709: bool
-) -> np.ndarray:
-    with open_exr(source, name, fault, max_pixels) as image:
+    opened = nullcontext(source) if isinstance(source, bytes) else open_regular(source, fault)
+    with opened as stream, open_exr(stream, name, fault, max_pixels) as image:
         listed = ", ".join(image.spec().channelnames[:20]) or "none"
         for part in range(MAX_PARTS):
             if not image.seek_subimage(part, 0):

@@ -162,7 +162,7 @@ def write_exr(
     path: str | os.PathLike[str],
     radiance: np.ndarray,
     *,
-    half: bool = True,
+    half: bool | None = True,
     attributes: Mapping[str, str] | None = None,
     colorspace: str = "rec709",
 ) -> None:
@@ -172,12 +172,12 @@ def write_exr(
     "anyprobe:frame" (docs/reference/conventions.md).
 
     Args:
-        half: 16-bit floats, clamped at 65504; else 32-bit, exact.
+        half: 16-bit floats, clamped at 65504; else 32-bit, exact; None: halves unless they would clip.
         attributes: stored in the header as strings named "anyprobe:" + key.
         colorspace: of core.color.COLORSPACES, to which light is converted; the header has its chromaticities.
     """
     pixels = from_rec709(check_radiance(radiance), colorspace)
-    if half:
+    if half if half is not None else pixels.max() < HALF_MAX:
         pixels = np.minimum(pixels, np.float32(HALF_MAX)).astype(np.float16)
     named = {f"{ATTRIBUTE}{key}": str(value) for key, value in (attributes or {}).items()}
     channels = {name: pixels[..., i] for i, name in enumerate("RGB")}

@@ -14,7 +14,7 @@ from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, u
 from anyprobe.errors import OutputError
 from anyprobe.light.environment import reduced, rotate
 from anyprobe.light.filtering import irradiance_map
-from anyprobe.maps.radiance import HALF_MAX, read_radiance, write_exr
+from anyprobe.maps.radiance import read_radiance, write_exr
 from anyprobe.match.background import seen_along
 from anyprobe.match.library import Library, open_library
 from anyprobe.match.likeness import Shown, best_places, gain_of, shown_under
@@ -183,9 +183,8 @@ class MatchedMap:
         path = Path(path)
         if path.suffix.lower() != ".exr":
             raise OutputError(f"expected a name in .exr, got {path.suffix or 'no suffix'}; rename it", source=path)
-        radiance = self.radiance()
         attributes = {"match": self.name, "map_from_light": str(self.map_from_light.round(6).tolist())}
-        write_exr(path, radiance, half=bool(radiance.max() <= HALF_MAX), attributes=attributes)
+        write_exr(path, self.radiance(), half=None, attributes=attributes)
         return path
 
     def sidecar(self) -> dict[str, Any]:

@@ -26,7 +26,7 @@ from anyprobe.light.environment import MAP_HEIGHT, enlarged_map, integral, reduc
 from anyprobe.light.filtering import blur_cap, blur_cosine_power
 from anyprobe.light.harmonics import project, sh_basis
 from anyprobe.light.light_sources import LightSource, split_sources
-from anyprobe.maps.radiance import HALF_MAX, write_exr, write_hdr
+from anyprobe.maps.radiance import write_exr, write_hdr
 from anyprobe.pictures.images import write_png
 from anyprobe.place.plate import Plate
 from anyprobe.place.screened import screened
@@ -107,8 +107,7 @@ class Panorama:
         path = Path(path)
         kind = path.suffix.lower()
         if kind == ".exr":
-            half = bool(self.radiance.max() < HALF_MAX)
-            write_exr(path, self.radiance, half=half, attributes=self.attributes, colorspace=colorspace)
+            write_exr(path, self.radiance, half=None, attributes=self.attributes, colorspace=colorspace)
         elif kind == ".hdr":
             write_hdr(path, self.radiance, attributes=self.attributes)
         elif kind == ".png":
