@@ -13,6 +13,7 @@ import numpy as np
 from anyprobe.core.color import luminance
 from anyprobe.core.frames import rotation_x, rotation_y
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
+from anyprobe.core.resample import between
 from anyprobe.light.environment import reduced
 
 YAWS = 32
@@ -48,16 +49,10 @@ def seen_at_yaws(maps: np.ndarray, at: tuple[np.ndarray, np.ndarray]) -> np.ndar
 
 def seen_along(maps: np.ndarray, index: np.ndarray, d: np.ndarray) -> np.ndarray:
     """Interpolate M of the maps [N, H, 2H, C] at M x P directions: [M, P, C]."""
-    rows, columns = maps.shape[1:3]
-    uv = direction_to_uv(d)
-    column, row = uv[..., 0] * columns - 0.5, np.clip(uv[..., 1] * rows - 0.5, 0.0, rows - 1.001)
-    left, top = np.floor(column), np.floor(row)
-    right, down = (column - left)[..., None], (row - top)[..., None]
-    left, top, which = left.astype(int) % columns, top.astype(int), index[:, None]
-    after = (left + 1) % columns
-    upper = maps[which, top, left] * (1 - right) + maps[which, top, after] * right
-    lower = maps[which, top + 1, left] * (1 - right) + maps[which, top + 1, after] * right
-    return upper * (1 - down) + lower * down
+    (rows, columns), uv = maps.shape[1:3], direction_to_uv(d)
+    row = np.clip(uv[..., 1].astype(np.float64) * rows - 0.5, 0.0, rows - 1.001) + rows * index[:, None]
+    stacked = maps.reshape(-1, columns, maps.shape[-1])
+    return between(stacked, uv[..., 0] * columns - 0.5, row, wraps=True).astype(maps.dtype)
 
 
 BEHIND_WEIGHT, BEHIND_FLOOR = 2.0, 0.02
