@@ -129,7 +129,7 @@ def check_pose(pose: np.ndarray, subject: str) -> Float[np.ndarray, "3 3"]:
     if not (np.isfinite(rotation).all() and is_rotation(rotation)):
         raise InputError(
             f"expected a rotation of unit scale, [3, 3] or [4, 4] with the last row 0 0 0 1, got "
-            f"{' '.join(str(pose).split())[:120]}; leave the scale out, or transpose columns",
+            f"{' '.join(str(pose).split())[:120]}, perhaps mirrored; leave the scale out, or transpose columns",
             subject=subject,
         )
     return rotation

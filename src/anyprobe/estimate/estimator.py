@@ -64,9 +64,7 @@ class Estimator:
         return Estimator, (self.settings,)
 
     def __repr__(self) -> str:
-        settings = self.settings
-        parts = [f"model={settings.model!r}"]
-        return f"Estimator({', '.join(parts)})"
+        return f"Estimator(model={self.settings.model!r})"
 
     def _set(self, settings: Settings) -> None:
         segmenter = settings.segmenter

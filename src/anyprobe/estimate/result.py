@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from anyprobe.core.color import to_bytes
-from anyprobe.core.frames import is_rotation
+from anyprobe.core.frames import check_pose
 from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.core.response import MEAN_CURVE, response
 from anyprobe.core.spelling import did_you_mean
@@ -34,7 +34,7 @@ from anyprobe.files.atomic import atomic_path
 from anyprobe.light.environment import check_radiance, integral, rotate
 from anyprobe.light.harmonics import directionality, project
 from anyprobe.light.light_sources import NO_SOURCE, LightSource, find_sources, turned_said
-from anyprobe.maps.radiance import HALF_MAX, map_attributes, write_exr, write_hdr
+from anyprobe.maps.radiance import map_attributes, write_exr, write_hdr
 from anyprobe.notices import Notice, as_notice
 from anyprobe.pictures.images import png_bytes, write_png
 from anyprobe.place.panorama import DRAWN_ROWS, Panorama, check_rows, compose, in_frame
@@ -191,10 +191,7 @@ class Light:
         Raises:
             InputError: not a rotation; a mirrored or scaled matrix would bend the light.
         """
-        rotation = np.asarray(rotation, dtype=np.float64)
-        if not is_rotation(rotation):
-            text = f"expected a [3, 3] rotation matrix, got {' '.join(str(rotation).split())}; "
-            raise InputError(text + "build it with anyprobe.core.frames", subject="rotation")
+        rotation = check_pose(rotation, "rotation")
         turned = replace(
             self,
             radiance=rotate(self.radiance, rotation),

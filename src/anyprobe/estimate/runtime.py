@@ -18,7 +18,7 @@ from anyprobe.core.response import MEAN_CURVE
 from anyprobe.core.spelling import did_you_mean
 from anyprobe.errors import ModelError
 from anyprobe.estimate.light_graph import CROP_MARGIN, INPUTS, OUTPUTS, Said
-from anyprobe.files.graphs import CPU, onnxruntime, open_graph
+from anyprobe.files.graphs import CPU, check_metadata, onnxruntime, open_graph
 from anyprobe.inputs.settings import DEFAULT_MODEL
 from anyprobe.light.environment import MAP_HEIGHT, rotate
 from anyprobe.masks.check import object_box
@@ -158,12 +158,7 @@ def _shares(borders: np.ndarray, count: int) -> np.ndarray:
 
 def _open(path: Path, stage: str, threads: int | None, providers: Sequence[str]) -> onnxruntime.InferenceSession:
     session = open_graph(path, threads, providers)
-    found = session.get_modelmeta().custom_metadata_map
-    for key, value in {**CONTRACT, "stage": stage}.items():
-        if found.get(key) != value:
-            raise ModelError(
-                f"expected {key} = {value!r}, got {found.get(key)!r}; use weights of this version", source=path.name
-            )
+    check_metadata(session, {**CONTRACT, "stage": stage}, path.name)
     if stage == LIGHT_STAGE:
         _check_names(path, "inputs", INPUTS, session.get_inputs())
         _check_names(path, "outputs", OUTPUTS, session.get_outputs())

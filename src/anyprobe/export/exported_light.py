@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from anyprobe.core.frames import is_rotation
+from anyprobe.core.frames import check_pose, is_rotation
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.errors import InputError, InvalidEnvironment
 from anyprobe.export.target_frames import FRONT, TargetFrame, webxr
@@ -94,13 +94,7 @@ def prepare(
         raise InputError(f"expected a file name without its suffix, got {name!r}; rename the map", subject="name")
     if not abs(exposure_ev) <= 30:
         raise InputError(f"expected stops from -30 to 30, got {exposure_ev}; 1 doubles the light", subject="exposure")
-    turn = np.eye(3) if world_from_camera is None else np.asarray(world_from_camera, dtype=np.float64)
-    if not is_rotation(turn):
-        raise InputError(
-            f"expected a [3, 3] rotation matrix, got {' '.join(str(turn).split())}; "
-            "a mirrored or scaled one would bend the light",
-            subject="world_from_camera",
-        )
+    turn = np.eye(3) if world_from_camera is None else check_pose(world_from_camera, "world_from_camera")
     radiance = check_radiance(radiance, name)
     if not np.array_equal(turn, np.eye(3)):
         radiance = np.maximum(rotate(radiance, turn), 0.0)

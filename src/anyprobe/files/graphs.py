@@ -8,7 +8,7 @@ the variable, decides for itself.
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from anyprobe.errors import InputError, ModelError
@@ -71,6 +71,15 @@ def open_graph(path: Path, threads: int | None = None, providers: Sequence[str] 
         text = f"expected a machine that has {sorted(missing)[0]}, got none; leave it out"
         raise InputError(text, code="unsupported", subject="providers")
     return session
+
+
+def check_metadata(session: onnxruntime.InferenceSession, expected: Mapping[str, str], name: str) -> None:
+    """Raise ModelError unless a graph, called `name` in messages, carries this metadata: else it means other things."""
+    found = session.get_modelmeta().custom_metadata_map
+    for key, value in expected.items():
+        if found.get(key) != value:
+            text = f"expected {key} = {value!r}, got {found.get(key)!r}; use weights of this version"
+            raise ModelError(text, source=name)
 
 
 def _unopened(path: Path, fault: Exception) -> ModelError:

@@ -14,7 +14,7 @@ from anyprobe.core.contract import contract
 from anyprobe.core.resample import resample
 from anyprobe.core.spelling import did_you_mean
 from anyprobe.errors import InputError, ModelError
-from anyprobe.files.graphs import open_graph, run_options
+from anyprobe.files.graphs import check_metadata, open_graph, run_options
 from anyprobe.masks.prompts import BOX_LEVEL, CLICK_SIGMA_PX, Point, draw_prompts
 from anyprobe.masks.weights import GET_WEIGHTS, find_weights
 from anyprobe.notices import Notice
@@ -104,12 +104,7 @@ class SmallNetwork:
         if not path.is_file():
             raise ModelError("the mask network is missing; reinstall anyprobe", source=path)
         self._session = open_graph(path)
-        found = self._session.get_modelmeta().custom_metadata_map
-        for key, value in MASK_CONTRACT.items():
-            if found.get(key) != value:
-                raise ModelError(
-                    f"expected {key} = {value!r}, got {found.get(key)!r}; use weights of this version", source=path.name
-                )
+        check_metadata(self._session, MASK_CONTRACT, path.name)
 
     def cover(self, rgb, on=(), off=(), box=None) -> np.ndarray:
         """Return the cover [h, w], the longer side 160; the input is letterboxed, and the bars are cropped."""
