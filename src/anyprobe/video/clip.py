@@ -234,10 +234,7 @@ def _graph(stream: Any, pixels: str, width: int, height: int) -> Any:
     graph = pyav().filter.Graph()
     source = graph.add_buffer(width=width, height=height, format=pixels, time_base=stream.time_base)
     whole = graph.add("bwdif", "mode=send_frame:deint=interlaced")
-    sink = graph.add("buffersink")
-    source.link_to(whole)
-    whole.link_to(sink)
-    graph.configure()
+    graph.link_nodes(source, whole, graph.add("buffersink")).configure()
     return graph
 
 

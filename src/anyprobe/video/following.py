@@ -18,12 +18,12 @@ from anyprobe.files.paths import visible_files
 from anyprobe.inputs.hints import AUTO, NONE, PHOTO
 from anyprobe.masks.check import object_box
 from anyprobe.masks.networks import Network, load_network, shared_network
-from anyprobe.masks.parts import grow
 from anyprobe.masks.search import MARGIN, Looks, Prompts, choose
 from anyprobe.notices import give
 from anyprobe.pictures.images import read_image
 from anyprobe.video.clip import Frame
 from anyprobe.video.held_mask import MOST_CHANGE, Held, follow, found_in, hold, lit_mask, mask_in
+from anyprobe.video.registration import opencv
 from anyprobe.video.track import digest_of
 
 GROWTH = 0.08
@@ -31,10 +31,6 @@ GROWTH = 0.08
 
 ODD = 2
 """Frames after a lost object during which the picture before the loss is tried first."""
-
-
-COARSE_PX = 128
-"""Longer side of the mask in which the inner point is searched [pixels]."""
 
 MASK_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp")
 DEPTH_SUFFIXES = (".png", ".tif", ".tiff", ".exr", ".npy")
@@ -253,16 +249,9 @@ def _grown_box(mask: np.ndarray) -> list[float]:
 
 
 def inner_point(mask: np.ndarray) -> tuple[float, float]:
-    """Return x, y of a pixel far from the edge of a mask [H, W] that is not empty; of several, the most central."""
-    step = max(1, -(-max(mask.shape) // COARSE_PX))
-    inside = mask[step // 2 :: step, step // 2 :: step] > 0.5
-    if not inside.any():
-        inside, step = mask > 0, 1
-    x0, y0, x1, y1 = object_box(inside)
-    core = np.pad(inside[y0:y1, x0:x1], 1)
-    while (inner := ~grow(~core)).any():
-        core = inner
-    rows, columns = np.nonzero(core)
-    rows, columns = rows + y0 - 1, columns + x0 - 1
+    """Return x, y of the pixel of a mask [H, W] that is farthest from its edge; of several, the most central."""
+    cv2, inside = opencv(), np.pad(mask > 0.5 if (mask > 0.5).any() else mask > 0, 1)
+    distance = cv2.distanceTransform(inside.astype(np.uint8), cv2.DIST_L1, 3)
+    rows, columns = np.nonzero(distance == distance.max())
     nearest = np.argmin((rows - rows.mean()) ** 2 + (columns - columns.mean()) ** 2)
-    return float(columns[nearest] * step + step // 2), float(rows[nearest] * step + step // 2)
+    return float(columns[nearest] - 1), float(rows[nearest] - 1)

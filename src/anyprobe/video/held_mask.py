@@ -25,7 +25,7 @@ from PIL import Image
 from anyprobe.core.contract import contract
 from anyprobe.masks.check import object_box
 from anyprobe.masks.search import Window
-from anyprobe.video.registration import SEARCH_REACH, Key, Motion, Registered, begin_key, locate_key, luma
+from anyprobe.video.registration import SEARCH_REACH, Key, Motion, Registered, begin_key, locate_key, luma, opencv
 
 NUMBERS = contract("held_mask")
 FADED: float = NUMBERS["faded"]
@@ -129,18 +129,15 @@ def lit_mask(held: Held, shape: tuple[int, ...]) -> np.ndarray:
 def narrowed(cover: np.ndarray, pixels: float) -> np.ndarray:
     """Return a cover [h, w] whose edge lies so many pixels further inside.
 
-    The minimum over four neighbours is repeated; for a fraction, the last two are averaged."""
-    whole = int(pixels)
-    for _ in range(whole):
-        cover = _least(cover)
-    part = np.float32(pixels - whole)
-    return cover if part == 0 else cover + part * (_least(cover) - cover)
-
-
-def _least(cover: np.ndarray) -> np.ndarray:
-    """Return the minimum of each pixel and its four neighbours, zero beyond the border."""
-    wide = np.pad(cover, 1)
-    return np.minimum.reduce([cover, wide[:-2, 1:-1], wide[2:, 1:-1], wide[1:-1, :-2], wide[1:-1, 2:]])
+    The minimum over four neighbours, zero beyond the border, is repeated; for a fraction, the last two are averaged.
+    """
+    cv2, whole = opencv(), int(pixels)
+    cross = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
+    larger, smaller = (
+        cv2.erode(cover, cross, iterations=count, borderType=cv2.BORDER_CONSTANT, borderValue=0)
+        for count in (whole, whole + 1)
+    )
+    return larger + np.float32(pixels - whole) * (smaller - larger)
 
 
 def _box(held: Held) -> tuple[float, float, float, float]:
