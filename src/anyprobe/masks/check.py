@@ -97,15 +97,15 @@ def look_at_given(mask: np.ndarray) -> tuple[np.ndarray, list[str]]:
     if grey.sum() > GREY_SHARE * inside.sum():
         text = "the mask is grey over wide areas; give one that is white on the object and black elsewhere"
         lines.append(Notice(text, code="mask-grey"))
-    kept = keep_object(mask)
-    mask = check_mask(kept.mask)
-    if kept.large > 1:
+    kept, large, is_outline = keep_object(mask)
+    mask = check_mask(kept)
+    if large > 1:
         text = (
-            f"the mask has {kept.large} large parts; the largest and those close to it are taken for one object: "
+            f"the mask has {large} large parts; the largest and those close to it are taken for one object: "
             "leave one object white"
         )
         lines.append(Notice(text, code="mask-parts"))
-    if kept.is_outline:
+    if is_outline:
         text = "the mask is only an outline; fill it: the whole object is white"
         lines.append(Notice(text, code="mask-outline"))
     x0, y0, x1, y1 = object_box(mask)

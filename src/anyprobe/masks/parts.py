@@ -5,8 +5,6 @@ Specks, threads, and parts far from the largest do not. The same in web/src/phot
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from anyprobe.core.contract import contract
@@ -100,23 +98,13 @@ def fill_holes(part: np.ndarray) -> np.ndarray:
     return part | fills[labels]
 
 
-@dataclass(frozen=True, slots=True)
-class Kept:
-    """The part of a mask that matters.
+def keep_object(mask: np.ndarray) -> tuple[np.ndarray, int, bool]:
+    """Keep the largest part of a mask [H, W] in [0, 1], not empty above one half, and the parts that belong to it.
 
-    Attributes:
-        mask: [H, W] float32; the given one itself where nothing is dropped.
-        large: number of large parts of the given mask.
-        is_outline: whether the mask is only the outline of something.
+    Returns:
+        The mask, the given one itself where nothing is dropped; the number of its large parts; and whether it is only
+        the outline of something.
     """
-
-    mask: np.ndarray
-    large: int
-    is_outline: bool
-
-
-def keep_object(mask: np.ndarray) -> Kept:
-    """Return the largest part of a mask [H, W] in [0, 1], not empty above one half, and the parts that belong to it."""
     radius = max(1, round(THIN * float(np.sqrt((mask > 0.5).sum()))))
     window = _window(mask > 0.5, radius + SOFT_PX)
     inside = mask[window] > 0.5
@@ -143,7 +131,7 @@ def keep_object(mask: np.ndarray) -> Kept:
     if (dropped := inside & ~belongs).any():
         mask = mask.copy()
         mask[window][dropped | grow(dropped, SOFT_PX) & ~grow(belongs, SOFT_PX)] = 0.0
-    return Kept(mask, large, _is_outline(belongs, radius))
+    return mask, large, _is_outline(belongs, radius)
 
 
 def _window(inside: np.ndarray, margin: int) -> tuple[slice, slice]:
