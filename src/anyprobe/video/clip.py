@@ -162,9 +162,9 @@ def read_frames(clip: Clip, damaged: list[int]) -> Generator[Frame, None, None]:
                 pictures = []
                 for picture in progressive(packet):
                     aspect = stream.sample_aspect_ratio or stream.codec_context.sample_aspect_ratio
-                    shown = shown_pixels(picture, aspect, size, clip.path)
-                    size = size or shown.own_size
-                    pictures.append((picture.time, shown))
+                    planes, own = shown_pixels(picture, aspect, size, clip.path)
+                    size = size or own
+                    pictures.append((picture.time, planes, own))
             except InputError:
                 raise
             except av.error.EOFError:
@@ -174,16 +174,13 @@ def read_frames(clip: Clip, damaged: list[int]) -> Generator[Frame, None, None]:
                     raise _unreadable(clip.path, error) from error
                 damaged.append(index)
                 continue
-            for shown_s, shown in pictures:
-                own = shown.own_size
+            for shown_s, planes, own in pictures:
                 time_s = index / clip.fps if shown_s is None else float(shown_s)
                 first_s = time_s if first_s is None else first_s
                 last_s = max(time_s - first_s, last_s + LEAST_STEP_S) if index else 0.0
                 note = "" if size is None or own == size or own in sizes else _resized(clip.path, index, own, size)
                 sizes.add(own)
-                yield Frame(
-                    index=index, time_s=last_s, rgb=shown.rgb, radiance=shown.radiance, alpha=shown.alpha, note=note
-                )
+                yield Frame(index=index, time_s=last_s, note=note, **planes)
                 index += 1
 
 

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import math
 import struct
-from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -49,27 +49,17 @@ def square_size(width: int, height: int, aspect: Fraction | None) -> tuple[int, 
     return max(1, round(width * aspect)), height
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class FramePixels:
-    """Pixels of a frame.
-
-    rgb: [H, W, 3] uint8, sRGB. radiance: of PQ and HLG [H, W, 3] float32, linear Rec. 709 above diffuse white (1) and
-    by core.response below, else None. alpha: [H, W] float32 in [0, 1]; None where all is opaque. own_size: width and
-    height before it was fitted.
-    """
-
-    rgb: np.ndarray
-    radiance: np.ndarray | None
-    alpha: np.ndarray | None
-    own_size: tuple[int, int]
-
-
-def shown_pixels(picture, aspect: Fraction | None, size: tuple[int, int] | None, path: Path) -> FramePixels:
+def shown_pixels(
+    picture, aspect: Fraction | None, size: tuple[int, int] | None, path: Path
+) -> tuple[dict[str, Any], tuple[int, int]]:
     """Return the pixels of an av.VideoFrame as a player shows them, and its transparency.
 
     Args:
         aspect: width of a pixel over its height; None if the file does not state it.
         size: width and height to fit it into, with black bars where the shape differs; None: its own.
+    Returns:
+        rgb, radiance and alpha of clip.Frame by name, and the width and height before it was fitted. The radiance, of
+        PQ and HLG alone, is linear Rec. 709 above diffuse white (1) and by core.response below.
     Raises:
         InputError: it has too many pixels, or colours that cannot be converted.
     """
@@ -100,13 +90,8 @@ def shown_pixels(picture, aspect: Fraction | None, size: tuple[int, int] | None,
         canvas[top : top + target[1], left : left + target[0]] = upright
         return canvas
 
-    alpha = _alpha(picture, stored)
-    return FramePixels(
-        rgb=placed(rgb),
-        radiance=None if radiance is None else placed(radiance),
-        alpha=None if alpha is None else placed(alpha),
-        own_size=own,
-    )
+    planes = {"rgb": rgb, "radiance": radiance, "alpha": _alpha(picture, stored)}
+    return {name: None if plane is None else placed(plane) for name, plane in planes.items()}, own
 
 
 def _alpha(picture, stored: tuple[int, int]) -> np.ndarray | None:
