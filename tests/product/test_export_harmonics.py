@@ -11,7 +11,7 @@ from support.two_phase import probe_directions, two_phase
 from anyprobe.core.frames import normalize
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.export.exported_light import prepare
-from anyprobe.export.target_frames import irradiance_sh, polynomial, unity, webxr
+from anyprobe.export.target_frames import irradiance_sh, polynomial, unity
 from anyprobe.export.targets import export
 from anyprobe.light.harmonics import irradiance as irradiance_at
 from anyprobe.light.harmonics import project, sh_basis
@@ -58,11 +58,6 @@ def test_unity_is_mirrored():
     np.testing.assert_allclose(
         polynomials(there) @ unity(sh).T, irradiance_at(sh, N.astype(np.float32)) / np.pi, atol=1e-6
     )
-
-
-def test_orders_of_27():
-    sh = np.arange(27.0).reshape(9, 3)
-    assert webxr(sh)[:6].tolist() == [0, 1, 2, 3, 4, 5]
 
 
 def room_with_emitter(rng: np.random.Generator) -> np.ndarray:

@@ -18,7 +18,7 @@ import numpy as np
 from anyprobe.core.frames import check_pose, is_rotation
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.errors import InputError, InvalidEnvironment
-from anyprobe.export.target_frames import FRONT, TargetFrame, webxr
+from anyprobe.export.target_frames import FRONT, TargetFrame
 from anyprobe.files.paths import is_there, read_regular
 from anyprobe.light.environment import check_radiance, rotate
 from anyprobe.light.harmonics import directionality, project
@@ -187,8 +187,8 @@ def sidecar(light: ExportedLight, target: str, frame: TargetFrame, more: Mapping
         ],
         "sh": {
             "definition": SH_DEFINITION,
-            "full": numbers(webxr(light.sh_full)),
-            "ambient": numbers(webxr(light.sh_ambient)),
+            "full": numbers(light.sh_full.reshape(-1)),
+            "ambient": numbers(light.sh_ambient.reshape(-1)),
         },
         **more,
         "origin": dict(light.origin),

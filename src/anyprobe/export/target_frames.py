@@ -35,14 +35,6 @@ ODD_IN_Y = (1, 4, 5)
 """Indices of y, xy and yz."""
 
 
-def webxr(coefficients: Float[np.ndarray, "9 3"]) -> Float[np.ndarray, " 27"]:
-    """Flatten radiance coefficients, coefficient after coefficient: [9, 3] -> [27] r0 g0 b0 r1 ...
-
-    XRLightEstimate.sphericalHarmonicsCoefficients and three.js LightProbe.sh.fromArray.
-    """
-    return coefficients.reshape(27)
-
-
 def irradiance_sh(coefficients: Float[np.ndarray, "9 3"]) -> Float[np.ndarray, "9 3"]:
     """Compute A_l L_i [9, 3]: E(n) = sum of these times Y_i(n)."""
     return coefficients * COSINE_LOBE[:, None]

@@ -26,7 +26,7 @@ from anyprobe.export.exported_light import (
     write_json,
     write_maps,
 )
-from anyprobe.export.target_frames import BLENDER, FRONT, OPENEXR, THREE, UNITY, UNREAL, TargetFrame, unity, webxr
+from anyprobe.export.target_frames import BLENDER, FRONT, OPENEXR, THREE, UNITY, UNREAL, TargetFrame, unity
 from anyprobe.files.atomic import atomic_files
 from anyprobe.maps.radiance import HALF_MAX
 from anyprobe.notices import Notice
@@ -46,7 +46,7 @@ def write_webxr(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
     """
     estimate = {
         **primary_light(light),
-        "sphericalHarmonicsCoefficients": numbers(webxr(light.sh_ambient)),
+        "sphericalHarmonicsCoefficients": numbers(light.sh_ambient.reshape(-1)),
         "sources": [
             {
                 "direction": numbers(one.direction),
