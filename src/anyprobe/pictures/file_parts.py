@@ -1,7 +1,7 @@
 """Parts of picture files.
 
-Boxes of HEIC, AVIF and JPEG XL, and those that describe a gain map (ISO/IEC 14496-12, 23008-12); concatenated pictures,
-segments and markers of JPEG (ITU-T T.81).
+Boxes of HEIC, AVIF and JPEG XL, and those that describe a gain map (ISO/IEC 14496-12, 23008-12); concatenated pictures
+and markers of JPEG (ITU-T T.81).
 """
 
 from __future__ import annotations
@@ -143,13 +143,3 @@ def markers(data: bytes, at: int) -> Iterator[tuple[bytes, int]]:
         if code == b"\xd9":
             return
         at += int.from_bytes(data[at : at + 2], "big") if code not in b"\x01\xd8" else 0
-
-
-def app_segments(picture: bytes) -> Iterator[bytes]:
-    """Yield the contents of the APP1 and APP2 segments of one picture."""
-    at = 2
-    while at + 4 <= len(picture) and picture[at] == 0xFF and picture[at + 1] not in (0xDA, 0xD9):
-        size = int.from_bytes(picture[at + 2 : at + 4], "big")
-        if picture[at + 1] in (0xE1, 0xE2):
-            yield picture[at + 4 : at + 2 + size]
-        at += 2 + max(size, 2)

@@ -24,7 +24,7 @@ from PIL.JpegImagePlugin import JpegImageFile
 
 from anyprobe.pictures.color_encoding import STRIP_PIXELS, srgb_to_linear
 from anyprobe.pictures.deep_pixels import turned_upright
-from anyprobe.pictures.file_parts import XMP, app_segments, find_tone_map, jpeg_pictures
+from anyprobe.pictures.file_parts import XMP, find_tone_map, jpeg_pictures
 from anyprobe.pictures.headers import apple_numbers, open_picture
 from anyprobe.pictures.raw import HEAD_BYTES
 
@@ -125,7 +125,7 @@ def _of_heif(image: Image.Image, stream: BinaryIO) -> GainMap | None:
 
 def _of_apple_jpeg(image: Image.Image, data: bytes) -> GainMap | None:
     for number, picture in enumerate(jpeg_pictures(data)):
-        xmp = [part for part in app_segments(picture) if part.startswith(XMP) and _APPLE.search(part)] if number else []
+        xmp = [part for part in _segments(picture) if part.startswith(XMP) and _APPLE.search(part)] if number else []
         headroom = apple_headroom(image, xmp[0]) if xmp else None
         if headroom is not None:
             try:
@@ -133,6 +133,14 @@ def _of_apple_jpeg(image: Image.Image, data: bytes) -> GainMap | None:
             except ValueError:
                 return None
     return None
+
+
+def _segments(picture: bytes) -> list[bytes]:
+    """Return the contents of a JPEG's application segments; none of a damaged one."""
+    try:
+        return [content for _, content in JpegImageFile(io.BytesIO(picture), "").applist]
+    except Exception:  # decoders raise whatever the bad bytes lead them to
+        return []
 
 
 def _apple_map(image: Image.Image, headroom: float) -> GainMap:
@@ -147,7 +155,7 @@ def find_gain_map(data: bytes) -> GainMap | None:
     for number, picture in enumerate(jpeg_pictures(data)):
         if number == 0:
             continue
-        for segment in app_segments(picture):
+        for segment in _segments(picture):
             try:
                 numbers = _of_iso(segment[len(ISO) :]) if segment.startswith(ISO) else _of_xmp(segment)
                 found = None if numbers is None else _checked(_decoded(picture), *numbers)
