@@ -7,7 +7,6 @@ system has no such files; so the name of a user's file, and its suffix, never ma
 from __future__ import annotations
 
 import errno
-import io
 import os
 import tempfile
 import threading
@@ -191,20 +190,15 @@ def _named(source: BinaryIO | bytes, suffix: str = "") -> Iterator[str]:
         source.seek(0)
         source = source.read()
     if hasattr(os, "memfd_create") and FILE_HANDLES.is_dir():
-        with os.fdopen(os.memfd_create("anyprobe"), "wb", buffering=0) as stream:
-            _fill(stream, source)
+        with os.fdopen(os.memfd_create("anyprobe"), "wb") as stream:
+            stream.write(source)
+            stream.flush()
             yield str(FILE_HANDLES / str(stream.fileno()))
         return
     with tempfile.TemporaryDirectory(prefix="anyprobe-") as folder:
         path = Path(folder) / f"picture{suffix}"
         path.write_bytes(source)
         yield str(path)
-
-
-def _fill(stream: io.FileIO | Any, data: bytes) -> None:
-    rest = memoryview(data)
-    while rest:
-        rest = rest[stream.write(rest) :]
 
 
 def one_line(text: str) -> str:
