@@ -116,7 +116,8 @@ def locate_key(key: Key, picture: np.ndarray, start: Motion, offset: tuple[int, 
     motion = _searched(key, seen, start, first)
     turn = motion.matrix()
     shift = turn @ (key.first - key.center) + key.center + (motion.x, motion.y) - first
-    warp = np.column_stack([turn, _at_centres(turn, shift / key.step)]).astype(np.float32)
+    shift = shift / key.step + turn @ np.full(2, 0.5) - 0.5  # from corners of pixels to their centres
+    warp = np.column_stack([turn, shift]).astype(np.float32)
     covers = (key.cover > 0.5).astype(np.uint8), np.ones(seen.shape, np.uint8)
     until = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, ROUNDS, DONE)
     best = Registered(motion=motion)
@@ -197,11 +198,6 @@ def _motion_of(key: Key, warp: np.ndarray, first: np.ndarray) -> Motion | None:
     middle = (key.center - key.first) / key.step - 0.5
     x, y = (turn @ middle + warp[:, 2] + 0.5) * key.step + first - key.center
     return Motion(x=float(x), y=float(y), angle=float(angle), scale=float(scale))
-
-
-def _at_centres(turn: np.ndarray, shift: np.ndarray) -> np.ndarray:
-    """Return the shift [2] of a map of corners, turn p + shift, as one of pixels' centres."""
-    return shift + turn @ np.full(2, 0.5) - 0.5
 
 
 def _shrunk(picture: np.ndarray, step: float) -> np.ndarray:
