@@ -15,6 +15,7 @@ from anyprobe.files.paths import open_regular
 from anyprobe.inputs.hints import NormalsSource
 from anyprobe.maps.exr import EXR_MAGIC, read_exr
 from anyprobe.masks.check import object_box
+from anyprobe.masks.depth import NPY_MAGIC
 from anyprobe.pictures.headers import MAX_PIXELS
 from anyprobe.pictures.images import read_image
 
@@ -171,25 +172,17 @@ def _read(source: NormalsSource) -> tuple[np.ndarray, str, bool]:
             )
         return _decoded(source, "normals")
     path = Path(source)
-    if not path.is_file():
-        raise InputError("no such file; check the path to the normal map", source=path)
-    if path.suffix.lower() == ".npy":
-        try:
-            with open_regular(path, InputError) as stream:
-                values = np.load(stream, allow_pickle=False)
-        except Exception as error:  # its headers are parsed as Python, which fails in every way
-            raise InputError("expected an array in a .npy file, got a damaged one", source=path.name) from error
-        if not isinstance(values, np.ndarray):
-            raise InputError("expected one array in a .npy file, got an .npz of several", source=path.name)
-        return _decoded(values, path.name)
-    try:
-        with path.open("rb") as stream:
-            is_exr = stream.read(len(EXR_MAGIC)) == EXR_MAGIC
-    except OSError as error:
-        raise InputError(f"expected a normal map that can be read, got {error.strerror}", source=path) from error
-    if is_exr:
+    with open_regular(path, InputError, "a normal map") as stream:
+        start = stream.read(len(NPY_MAGIC))
+    if start.startswith(EXR_MAGIC):
         return read_exr(path, path.name, InputError, MAX_PIXELS)[..., :3], path.name, False
-    return _decoded(path, path.name)
+    if start != NPY_MAGIC:
+        return _decoded(path, path.name)
+    try:
+        values = np.load(path, allow_pickle=False)
+    except Exception as error:  # its headers are parsed as Python, which fails in every way
+        raise InputError("expected an array in a .npy file, got a damaged one", source=path.name) from error
+    return _decoded(values, path.name)
 
 
 def _decoded(source: Path | bytes | np.ndarray, name: str) -> tuple[np.ndarray, str, bool]:
