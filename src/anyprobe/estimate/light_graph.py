@@ -9,7 +9,7 @@ Inputs, float32, of one photo: N = 1.
     lens      [1, 2]            tangent of half the field of view of the longer side; 1 if it is known
     up        [1, 3]            away from the ground, camera frame; zero where it is not known
     normals   [1, n, m, 3]      the object's over the window, camera frame, unit or zero
-    material  [1, 8]            of given_material.material_input, or zero
+    material  [1, 8]            of materials.material_input, or zero
     panorama  [1, 64, 128, 4]   known part of the map, camera frame: RGB times cover, cover
     sun       [1, 3]            towards the sun, camera frame, or zero
     believe   [1, 1]            1: the background is used whatever it looks like

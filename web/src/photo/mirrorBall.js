@@ -1,5 +1,5 @@
 /**
- * Whether an object looks like a mirror ball, as anyprobe.estimate.mirror_ball, where the rules stand: a round outline, and
+ * Whether an object looks like a mirror ball, as anyprobe.estimate.extract, where the rules stand: a round outline, and
  * fine structure that no smooth shading explains. It is one if the network takes it for metal, too.
  */
 

@@ -1,5 +1,5 @@
 /**
- * How good a found mask is, as anyprobe.masks.quality: what the network expects of it, and whether another look gives the
+ * How good a found mask is, as anyprobe.masks.find: what the network expects of it, and whether another look gives the
  * same object.
  */
 
