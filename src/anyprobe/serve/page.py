@@ -12,6 +12,7 @@ import hashlib
 import json
 import threading
 from collections.abc import Iterator
+from functools import cache
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -183,13 +184,7 @@ def _absent(request: Request) -> HTTPException:
     return HTTPException(404, "there is no such page")
 
 
+@cache
 def _digest(path: Path) -> str:
-    """Return a short digest of a file's content, cached until its time or size changes."""
-    stat = path.stat()
-    key = (path, stat.st_mtime_ns, stat.st_size)
-    if key not in _digests:
-        _digests[key] = hashlib.sha256(path.read_bytes()).hexdigest()[:16]
-    return _digests[key]
-
-
-_digests: dict[tuple[Path, int, int], str] = {}
+    """Return a short digest of a file of the package, which stays while a server runs."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
