@@ -11,6 +11,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFilter, ImageFont
 
 from anyprobe.core.color import to_bytes
+from anyprobe.core.latlong import direction_to_uv
 from anyprobe.core.response import response
 from anyprobe.estimate.photo import Photo
 from anyprobe.light.environment import rotate
@@ -88,8 +89,7 @@ def draw_preview(
 def _ringed(picture: np.ndarray, direction: np.ndarray) -> np.ndarray:
     """Return a map's picture [H, 2H, 3] with a ring around a direction [3], black in white, over its edge too."""
     height, width = picture.shape[:2]
-    x, y, z = direction / np.linalg.norm(direction)
-    column, row = (0.5 + np.arctan2(x, -z) / (2 * np.pi)) * width, np.arccos(np.clip(y, -1, 1)) / np.pi * height
+    column, row = direction_to_uv(direction / np.linalg.norm(direction)) * (width, height)
     canvas = Image.fromarray(to_bytes(picture))
     draw = ImageDraw.Draw(canvas)
     for left in (column - width, column, column + width):
