@@ -197,9 +197,6 @@ def enlarged(drawn: np.ndarray, size: int) -> np.ndarray:
     return larger
 
 
-NOT_BESIDE = {Side.front: "in front of it", Side.behind: "behind it"}
-"""Wording of warnings about a place other than beside the real object."""
-
 PHOTO_MATERIAL = "photo"
 """Material name of the real object's own, as estimated from the photo (relight.appearance)."""
 
@@ -256,8 +253,8 @@ class Stage:
     def warnings(self) -> tuple[Notice, ...]:
         """One line for each surprise about the place."""
         lines: list[tuple[str, tuple[str, ...]]] = []
-        if (side := self.placement.side) in NOT_BESIDE:
-            lines.append((f"no room beside the object: the inserted one stands {NOT_BESIDE[side]}", ("at", "size")))
+        if self.placement.side == Side.front:
+            lines.append(("no room beside the object: the inserted one stands in front of it", ("at", "size")))
         if hides_shadows(self.photo, self.view, self.placement):
             text = "the ground is so dark there that its shadow hardly shows"
             lines.append((f"{text}: the inserted object may seem to float", ("at",)))
