@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 from pathlib import Path
+from unicodedata import normalize
 
 import numpy as np
 import OpenEXR
@@ -12,7 +13,7 @@ import pytest
 from PIL import Image
 from support.transforms import transforms
 
-from anyprobe.cli.photo_files import hints_for
+from anyprobe.cli.photo_files import hints_for, marks_of
 from anyprobe.files.paths import natural_order
 from anyprobe.inputs.hints import Hints
 
@@ -102,6 +103,21 @@ def test_a_folder_of_panoramas_may_hold_radiance_files(work, photo_rgba):
     (work / "panoramas" / "room.hdr").touch()
     given = Hints(surroundings=Path("panoramas"))
     assert hints_for(Path("room.jpg"), given).surroundings == Path("panoramas/room.hdr")
+
+
+def test_a_name_in_brackets_is_a_file(work, command, photo_rgba):
+    Image.fromarray(photo_rgba).save("[1].png")
+    assert command("mask", "[1].png", "-q").status == 0
+
+
+def test_accents_may_stand_apart_in_names(work):
+    """As macOS writes them."""
+    apart, whole = (work / normalize(form, "é.png") for form in ("NFD", "NFC"))
+    whole.write_bytes(b"")
+    assert hints_for(apart, Hints(mask=work)).mask == whole
+    (work / "marks.csv").write_text(f'photo,click\n{whole.name},"5,6"\n', encoding="utf-8")
+    marks = marks_of(work / "marks.csv", [apart])
+    assert hints_for(apart, Hints(), marks).click == [(5.0, 6.0)]
 
 
 def test_names_are_ordered_whatever_digits_they_have():

@@ -44,6 +44,7 @@ def test_a_spreadsheet_s_unicode_text_is_read_and_another_encoding_is_named(tmp_
         ("photo,box\na.png,1,2,3,4\n", "quote", ()),
         ('photo,box\na.png,"1,2,3,4"\na.png,"1,2,3,4"\n', "a.png again", ()),
         ('photo,box\nb.png,"1,2,3,4"\n', "'b.png'", ()),
+        ('photo,box\nimg_1.png,"1,2,3,4"\n', "did you mean IMG_1.PNG?", ()),
         ("sep=\t\nphoto\tbox\na.png\t1,2\n", "X0,Y0,X1,Y1", ("box",)),
     ],
 )
@@ -51,7 +52,7 @@ def test_what_cannot_be_used_is_named(tmp_path, text, naming, subject):
     path = tmp_path / "marks.csv"
     path.write_text(text)
     with refused(*subject, naming=naming):
-        marks_of(path, [tmp_path / "a.png"])
+        marks_of(path, [tmp_path / "a.png", tmp_path / "IMG_1.PNG"])
 
 
 @pytest.mark.ci

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import struct
 import zipfile
@@ -42,6 +43,30 @@ def test_colours_are_no_depth(tmp_path):
     colored.save(tmp_path / "c.png")
     with refused("depth", source="c.png", naming="coloured", kind=InvalidMask):
         depth_of_view(str(tmp_path / "c.png"), (8, 8))
+
+
+@pytest.mark.parametrize(
+    ("start", "naming"),
+    [
+        (b"version https://git-lfs.github.com/spec/v1", "git lfs pull"),
+        (b"<!DOCTYPE html><title>404</title>", "web page"),
+        (b"gimp xcf v011", "GIMP"),
+        (b"SDPX\0\0\x08\0V1.0", "OpenEXR"),
+    ],
+)
+def test_what_stands_in_a_photo_s_place_is_named(start, naming):
+    with refused(code="invalid-image", naming=naming):
+        read_image(start + bytes(64))
+
+
+def test_a_photo_of_all_around_is_doubted():
+    """Its metadata are Photo Sphere's."""
+    stream = io.BytesIO()
+    xmp = b'<rdf:Description GPano:ProjectionType="equirectangular"/>'
+    Image.new("RGB", (128, 64)).save(stream, "JPEG", xmp=xmp)
+    (notice,) = read_image(stream.getvalue()).warnings
+    assert notice.code == "environment-map"
+    assert read_image(stream.getvalue(), as_data=True).warnings == ()
 
 
 def tetrahedron(x: int) -> str:

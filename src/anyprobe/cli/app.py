@@ -27,9 +27,13 @@ TRACEBACK = "ANYPROBE_TRACEBACK"
 
 
 def new_app(help: str | None, **more: Any) -> App:
-    """Return an application that `main` runs: no option has its --no-x, the last of two equal options counts."""
+    """Return an application that `main` runs: no option has its --no-x, the last of two equal options counts, and
+    [1].png is a file, no JSON."""
     settings = Parameter(
-        negative=(), allow_repeating=True, show_default=lambda value: None if value in (None, False, ()) else str(value)
+        negative=(),
+        allow_repeating=True,
+        json_list=False,
+        show_default=lambda value: None if value in (None, False, ()) else str(value),
     )
     return App(
         help=help,

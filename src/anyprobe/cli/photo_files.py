@@ -6,7 +6,6 @@ Marks are boxes and clicks, in a CSV file with a row for each photo.
 from __future__ import annotations
 
 import csv
-import glob
 import sys
 from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Iterable, Mapping
@@ -17,7 +16,7 @@ from typing import Any
 from anyprobe.cli.options import OPTIONS
 from anyprobe.core.spelling import did_you_mean
 from anyprobe.errors import AnyprobeError, InputError, InvalidMask, InvalidPhoto, OutputError
-from anyprobe.files.paths import is_same_file, open_regular, read_regular, read_stream, visible_files
+from anyprobe.files.paths import composed, is_same_file, open_regular, read_regular, read_stream, visible_files
 from anyprobe.inputs.hints import HINTS, PICTURES, Hints
 from anyprobe.maps.image_io import open_image
 from anyprobe.session import Shot
@@ -30,7 +29,7 @@ MAX_BYTES = 2**24
 """Longest file of marks."""
 
 Marks = Mapping[str, Mapping[str, Any]]
-"""Hints by a photo's name without folders."""
+"""Hints by a photo's name without folders, composed."""
 
 
 def photo_source(path: Path) -> Path | bytes:
@@ -65,7 +64,7 @@ def hints_for(photo: Path, hints: Hints, marks: Marks | None = None) -> Hints:
     files: dict[str, Any] = {
         name: _file_for(photo, path, name, HINTS[name].suffixes) for name, path in hints.files().items()
     }
-    return replace(hints, **files, **(marks or {}).get(photo.name, {}))
+    return replace(hints, **files, **(marks or {}).get(composed(photo.name), {}))
 
 
 def shot_of(photo: Path, hints: Hints, marks: Marks | None = None) -> Shot:
@@ -139,11 +138,8 @@ def _file_for(photo: Path, source: Path, kind: str, suffixes: tuple[str, ...]) -
     if not source.is_dir():
         return source
     for stem in (f"{photo.stem}_{kind}", photo.stem, photo.name):
-        for candidate in sorted(source.glob(f"{glob.escape(stem)}.*")):
-            # the glob finds stem.0002.png too, which is another photo's
-            if candidate.stem != stem or candidate.suffix.lower() not in suffixes:
-                continue
-            if not is_same_file(candidate, photo):
+        for candidate in visible_files(source, suffixes):
+            if composed(candidate.stem) == composed(stem) and not is_same_file(candidate, photo):
                 return candidate
     text = f"expected {photo.stem}.png or {photo.stem}_{kind}.png in {source}, got neither"
     raise InvalidMask(text, subject=kind, source=photo)
@@ -198,7 +194,7 @@ def _read_row(row: Mapping[str | None, Any]) -> tuple[str, dict[str, Any]]:
         points = cells.get(name, "").replace(";", " ").split()
         if points:
             given[name] = [HINTS[name].read(point) for point in points]
-    return Path(cells["photo"].replace("\\", "/")).name, given
+    return composed(Path(cells["photo"].replace("\\", "/")).name), given
 
 
 def marks_of(path: Path | None, photos: list[Path]) -> Marks:
@@ -209,7 +205,7 @@ def marks_of(path: Path | None, photos: list[Path]) -> Marks:
     """
     if path is None:
         return {}
-    marks, names = read_marks(path), [photo.name for photo in photos]
+    marks, names = read_marks(path), [composed(photo.name) for photo in photos]
     for name in marks:
         if name not in names:
             raise InputError(f"expected names of the photos, got {name!r}{did_you_mean(name, names)}", source=path)

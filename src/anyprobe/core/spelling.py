@@ -14,9 +14,9 @@ LEAST_PART = 3
 
 
 def did_you_mean(name: object, known: Iterable[str]) -> str:
-    """Return "; did you mean gold?" with up to two known names, of lower case, that are like an unknown one or contain
-    it; "" without any."""
-    key, names = str(name).strip().lower(), list(known)
+    """Return "; did you mean gold?" with up to two known names that are like an unknown one or contain it, in any case;
+    "" without any."""
+    key, names = str(name).strip().lower(), {one.lower(): one for one in known}
     alike = get_close_matches(key, names, n=MOST, cutoff=LEAST_LIKENESS)
     alike = alike or [one for one in names if key in one and len(key) >= LEAST_PART][:MOST]
-    return f"; did you mean {' or '.join(alike)}?" if alike else ""
+    return f"; did you mean {' or '.join(names[one] for one in alike)}?" if alike else ""

@@ -123,6 +123,7 @@ def unwritable(
         return OutputError(f"{subject}is a file, not a folder; {advice}", source=path)
     reason = error.strerror or str(error) or type(error).__name__
     advice += " or free some space" if error.errno in FULL_DISK else ""
+    advice = "rename the photo" if error.errno == errno.ENAMETOOLONG else advice
     return OutputError(f"cannot be written ({reason}); {advice}", source=path)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import stat
+import unicodedata
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -48,6 +49,11 @@ def natural_order(name: str) -> list[tuple[bool, int, str]]:
     return [
         (part.isdecimal(), int(part[:4000]) if part.isdecimal() else 0, part) for part in re.split(r"([0-9]+)", name)
     ]
+
+
+def composed(name: str) -> str:
+    """Return a name with composed letters, to compare: macOS may write the accents apart."""
+    return unicodedata.normalize("NFC", name)
 
 
 def visible_files(folder: Path, suffixes: Iterable[str]) -> list[Path]:

@@ -58,7 +58,13 @@ KINDS_BY_START = {
     b"<svg": "an SVG drawing, not a photo; export it as PNG",
     **dict.fromkeys((b"PF", b"Pf"), "a PFM picture; save it as OpenEXR (.exr), which keeps its range"),
     b"\x1aE\xdf\xa3": "a video; anyprobe video takes it",
-    b"PK\x03\x04": "a ZIP archive; unpack it",
+    b"PK\x03\x04": "a ZIP archive, as Krita's documents are; unpack it, or export its picture",
+    b"gimp xcf": "a GIMP document; export it as PNG or TIFF",
+    **dict.fromkeys((b"SDPX", b"XPDS", b"\x80\x2a\x5f\xd7"), "a DPX or Cineon frame; convert it to OpenEXR"),
+    **dict.fromkeys(
+        (b"<!DOCTYPE", b"<!doctype", b"<html"), "a web page, as a failed download leaves; download it again"
+    ),
+    b"version https://git-lfs": "a pointer of Git LFS; git lfs pull fetches the file",
 }
 """Descriptions of unreadable files, and what to do with them, by their first bytes."""
 BRANDS = {

@@ -119,6 +119,10 @@ USUAL_PNG, FAST_PNG, MANY_VALUES = 6, 1, 24_000_000
 STRIP_ROWS = 64
 """Number of rows of a large picture that are converted at a time."""
 
+ALL_AROUND = (
+    "a panorama of all around, not a photo by one lens; cut the part with the object out, as a rectilinear view"
+)
+
 TAKEN_FOR_LINEAR = (
     "a picture of floats without a colour profile is taken for linear radiance; if it holds display values, embed an "
     "sRGB profile"
@@ -249,6 +253,7 @@ def _from_pillow(
         pixels = replace(pixels, alpha=np.divide(alpha, np.float32(np.iinfo(alpha.dtype).max), dtype=np.float32))
     radiance = None if display.radiance is None else turned_upright(display.radiance, orientation)
     missed = not as_data and radiance is None and gain_map is None and misses_gain_map(image, stream, pixels.rgb)
+    is_all_around = not as_data and "equirectangular" in str(image.info.get("xmp"))
     image_format = image.format
     del image
     if missed:
@@ -256,6 +261,8 @@ def _from_pillow(
     if gain_map is not None:
         radiance = gain_map.radiance(pixels.rgb, orientation)
     notes = tuple(Notice(note, code="colors", source=name) for note in (*notes, *display.warnings))
+    if is_all_around:
+        notes += (Notice(ALL_AROUND, code="environment-map", source=name),)
     if animated:
         used = "the main one" if image_format == "HEIF" else "the first"
         text = f"expected one picture, got several frames or pages; {used} is used"
