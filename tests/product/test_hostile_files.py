@@ -246,3 +246,14 @@ def test_an_interrupt_at_the_start_is_one_line(tmp_path):
         env=environment,
     )
     assert (ended.returncode, ended.stderr) == (130, "anyprobe: interrupted\n")
+
+
+@pytest.mark.ci
+def test_a_reader_of_the_output_that_leaves_is_no_fault(tmp_path, photo_rgba):
+    Image.fromarray(photo_rgba).save(tmp_path / "a.png")
+    read, write = os.pipe()
+    os.close(read)
+    words = [sys.executable, "-m", "anyprobe", "mask", "a.png"]
+    ended = subprocess.run(words, cwd=tmp_path, stdout=write, stderr=subprocess.PIPE, timeout=120)
+    os.close(write)
+    assert (ended.returncode, ended.stderr) == (1, b"")

@@ -85,6 +85,9 @@ def main(command: App | Callable[..., None] = app) -> None:
         _fail(OPTIONS.line(error.notice))
     except MemoryError:
         _fail("expected a machine with more memory free, got none; process fewer or smaller files at once")
+    except BrokenPipeError:  # the reader of the output, such as head, has left
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(1)
     except OSError as error:  # a folder that may not be looked into, a disk that is full
         if error.filename is None and isinstance(error, FileNotFoundError):  # os.getcwd
             _fail("the current folder no longer exists; change to another")
