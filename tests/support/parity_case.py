@@ -112,7 +112,6 @@ def _filtered(radiance: np.ndarray) -> dict[str, np.ndarray]:
         "turning_frames": np.array(turning),
         "turning_poses": np.array(poses),
         "turning_world": state.radiance,
-        "turning_camera": state.seen_from(poses[-1]),
         "turning_sources": _rows(state.sources),
     }
 

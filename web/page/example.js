@@ -1,7 +1,6 @@
 /** The example with its result: a photo, and the server's answer for it. */
 
 import { Light, describe } from "../src/light/light.js";
-import { shadeSpheres } from "../src/light/spheres.js";
 import { readSource } from "../src/photo/source.js";
 import { askServer } from "./server.js";
 
@@ -24,7 +23,7 @@ export async function readExample() {
     outdoors: answer.outdoors,
     ground: answer.ground && { pitchDeg: answer.ground.pitch_deg, rollDeg: answer.ground.roll_deg },
   });
-  return { picture, mask, longFovDeg: answer.long_fov_deg, result: { light, spheres: shadeSpheres(light.radiance) } };
+  return { picture, mask, longFovDeg: answer.long_fov_deg, result: { light } };
 }
 
 async function readPicture(path) {

@@ -118,10 +118,10 @@ export class AnyProbe {
     return new Light({ ...light, warnings: [...warnings, ...light.warnings], mask: own, lens });
   }
 
-  /** As estimate, for a page that also shows three spheres; takes a picture in memory and its mask. */
+  /** As estimate, of a picture in memory and its mask; says the seconds it took. */
   async examine(given) {
-    const { light, ...views } = await this.#client.ask("estimate", { withViews: true, ...given });
-    return { light: new Light(light), ...views };
+    const { light, seconds } = await this.#client.ask("estimate", given);
+    return { light: new Light(light), seconds };
   }
 
   /**
@@ -137,7 +137,7 @@ export class AnyProbe {
   track(source, onLight, options = {}) {
     checkNames("track", options);
     if (typeof onLight !== "function") throw wrong("onLight", "a function", onLight);
-    const { surroundings, pitchDeg, mask, onError, onLost, onMissed, onOutline, pose, signal, withViews = false } = options;
+    const { surroundings, pitchDeg, mask, onError, onLost, onMissed, onOutline, pose, signal } = options;
     refuseBoth(options);
     const material = describe(options.material);
     this.#client.check();
@@ -159,7 +159,7 @@ export class AnyProbe {
     const { click, exclude, box, fovDeg, longFovDeg, projectionMatrix } = options;
     const given = { hints: { click, exclude, box }, lens: { fovDeg, longFovDeg, projectionMatrix } };
     tracker
-      .start({ ...given, options: { surroundings, pitchDeg, material }, withViews })
+      .start({ ...given, options: { surroundings, pitchDeg, material } })
       .catch((error) => tracker.running && tracker.fail(error));
     signal?.addEventListener("abort", () => tracker.stop(), { once: true });
     return tracker;

@@ -25,7 +25,7 @@ export const OPTIONS = {
 };
 
 /** Options of this package's own page, not documented. */
-const OWN = { track: ["withViews", "onOutline"] };
+const OWN = { track: ["onOutline"] };
 
 /** Refuse whatever there is not, and options of another kind or range. @param {keyof OPTIONS} method */
 export function checkNames(method, given) {

@@ -14,9 +14,6 @@ export const notice = (code, text, remedy = [], subject = []) => ({ code, subjec
 /** Options to give, as a remedy. @param {...string} names */
 export const give = (...names) => names.map((name) => ({ do: "give", name }));
 
-/** Options to leave out, as a remedy. @param {...string} names */
-export const leaveOut = (...names) => names.map((name) => ({ do: "leave out", name }));
-
 const either = (names) => (names.length > 1 ? `${names.slice(0, -1).join(", ")} or ${names.at(-1)}` : names[0]);
 
 /** How a door names options: here as the package's. Other doors override name, giving, leavingOut or action. */

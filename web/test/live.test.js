@@ -257,27 +257,6 @@ test("the background is given to the network while that is wanted", async () => 
   assert.deepEqual(given, [[false, 0], [true, 1], [true, 0]]);
 });
 
-test("spheres are made for those who show them alone", async () => {
-  const models = { light: async () => said(0.5) };
-  const lights = new FrameLight(models, masksBy(async () => ({ mask: new Float32Array(WIDTH * HEIGHT).fill(1), quality: 0.9 })), { on: [], off: [] }, 65, {}, false);
-  for (let i = 0; i < 9; i++) {
-    const { spheres } = await lights.next(frameOf(50, 0, numbers(1)), i / 15);
-    assert.ok(!spheres);
-  }
-});
-
-test("spheres come now and then", async () => {
-  const models = { light: async () => said(0.5) };
-  const inside = new Float32Array(WIDTH * HEIGHT).fill(1);
-  const lights = new FrameLight(models, masksBy(async () => ({ mask: inside, quality: 0.9 })), { on: [], off: [] }, 65);
-  const kinds = [];
-  for (let i = 0; i < 9; i++) {
-    const { spheres, mask } = await lights.next(frameOf(50, 0, numbers(1)), i / 15);
-    kinds.push(`${spheres ? "spheres " : ""}${mask ? "mask" : ""}`.trim());
-  }
-  assert.deepEqual(kinds, ["spheres mask", "mask", "mask", "mask", "mask", "mask", "mask", "mask", "spheres mask"]);
-});
-
 test("frames that are overtaken are dropped, the newest is worked on", async () => {
   const [worked, dropped] = [[], []];
   let release;

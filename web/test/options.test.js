@@ -26,8 +26,8 @@ test("names that there are not are refused, in every method", () => {
     assert.throws(() => checkNames(method, { clik: [1, 2] }), { ...refused, message: /unknown option clik; expected of/ });
     assert.throws(() => checkNames(method, null), refused);
   }
-  assert.throws(() => checkNames("track", { clik: [1, 2] }), (error) => !error.message.includes("withViews"));
-  checkNames("track", { withViews: true }); // of the package's page
+  assert.throws(() => checkNames("track", { clik: [1, 2] }), (error) => !error.message.includes("onOutline"));
+  checkNames("track", { onOutline: () => {} }); // of the package's page
 });
 
 test("the vertical angle is three.js's, whichever side is the longer", () => {

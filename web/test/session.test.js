@@ -64,7 +64,7 @@ function begin({ opening = Promise.resolve(), play = async () => {} } = {}) {
     },
   };
   const asked = [];
-  const page = { shown: 0, faults: [], placed: [], opened: [], drawn: [], asked };
+  const page = { shown: 0, faults: [], placed: [], opened: [], drawn: [], panels: 0, asked };
   const networks = {
     spares: [],
     open: () => opening.then(() => new AnyProbe(networks, { hasMask: true, threads: 1 })),
@@ -82,7 +82,7 @@ function begin({ opening = Promise.resolve(), play = async () => {} } = {}) {
       setLight: () => {},
       stage: { setMask: () => {} },
     },
-    light: { show: () => {} },
+    light: { show: () => page.panels++ },
     marking: {
       open: ({ width, height }) => page.opened.push([width, height]),
       show: () => {},
@@ -115,6 +115,12 @@ afterEach(() => {
 
 const answer = (width, height, mask = null) => ({ width, height, mask, box: [0, 0, 9, 9], light: {} });
 const maskOf = (width, height) => new Float32Array(width * height);
+
+test("map and spheres are drawn of a light now and then", async () => {
+  const { networks, page } = await follow();
+  for (let i = 0; i < 16; i++) networks.onLive({ ...answer(64, 48, maskOf(64, 48)), time: 100 + i / 15 });
+  assert.equal(page.panels, 2);
+});
 
 test("a camera that is being opened is not opened again", async () => {
   const { session } = begin();

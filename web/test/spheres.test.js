@@ -5,7 +5,7 @@ import { test } from "node:test";
 
 import { MAP_HEIGHT } from "../src/core/latlong.js";
 import { displayByte } from "../src/core/response.js";
-import { SPHERE_NAMES, SPHERE_SIZE, displaySphere, shadeSpheres } from "../src/light/spheres.js";
+import { SPHERE_NAMES, SPHERE_SIZE, displaySphere, shadeSpheres } from "../page/view/spheres.js";
 
 const PIXELS = 2 * MAP_HEIGHT * MAP_HEIGHT;
 const MIDDLE = (SPHERE_SIZE / 2) * SPHERE_SIZE + SPHERE_SIZE / 2;

@@ -6,8 +6,10 @@ import { test } from "node:test";
 import { AnyProbeError, receivedError, sentError } from "../src/errors.js";
 import { untold } from "../page/view/maskQuality.js";
 import { PAGE, errorLine, problemLine, sentence } from "../page/words.js";
-import { PACKAGE, give, leaveOut, notice } from "../src/notices.js";
+import { PACKAGE, give, notice } from "../src/notices.js";
 import { warningsOf } from "../src/photo/quality.js";
+
+const leaveOut = (...names) => names.map((name) => ({ do: "leave out", name }));
 
 test("a doubtful mask is a sentence of its own", () => {
   const part = new Uint8Array(320 * 320).fill(1, 0, 400);

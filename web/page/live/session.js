@@ -13,6 +13,9 @@ import { readSource } from "../../src/photo/source.js";
 
 const RATES_EVERY_MS = 500;
 
+/** Seconds between two lights of which the panel is drawn. */
+const PANEL_S = 0.5;
+
 /** Seconds for which an object's motion is extrapolated, and the largest age of the answer that gives its speed. */
 const LONGEST_S = 0.5;
 const LIVE = "Live, in this browser. If the outline is wrong, click on the object, or draw a box around it.";
@@ -71,7 +74,6 @@ export class LiveSession {
     live.tracker = probe.track(video, (_, answer) => this.#show(answer), {
       ...live.hints,
       ...this.options(),
-      withViews: true,
       onLost: (answer) => this.#show(answer),
       onOutline: (answer) => this.#show(answer),
       onError: (error) => this.#fail(live, error),
@@ -84,7 +86,7 @@ export class LiveSession {
   #begin() {
     this.running = true;
     this.#nameButton();
-    this.said = this.quality = this.asking = this.shown = this.motion = null;
+    this.said = this.quality = this.asking = this.shown = this.motion = this.panelTime = null;
     this.pitchDeg = undefined; // until it is given
     this.#fit();
     this.onShown();
@@ -153,9 +155,10 @@ export class LiveSession {
     this.#say(isSearching ? FINDING : this.missed ? MISSED : LIVE);
     this.stage.setLight(answer.light);
     sendLight(answer);
-    const { light, spheres } = answer;
-    this.shown = { light, spheres: spheres ?? this.shown?.spheres };
-    if (spheres) this.light.show({ light, spheres }, { photo: "camera", model: this.config.model, longFovDeg: DEFAULT_LONG_FOV_DEG });
+    this.shown = { light: answer.light };
+    if (answer.time - this.panelTime < PANEL_S) return;
+    this.panelTime = answer.time;
+    this.light.show(this.shown, { photo: "camera", model: this.config.model, longFovDeg: DEFAULT_LONG_FOV_DEG });
   }
 
   /** The state once, not with every light: each line is read aloud, and others' lines stay until it changes. */
@@ -216,7 +219,7 @@ export class LiveSession {
   /** The camera's last picture as a photo, with its object and light; null before there is a light. */
   async still() {
     const { live, object, shown, pitchDeg } = this;
-    const picture = this.placed && shown?.spheres && (await readSource(this.stage.video));
+    const picture = this.placed && shown && (await readSource(this.stage.video));
     if (!picture || this.live !== live) return null;
     const mask = resize(object.mask, 1, [object.width, object.height], [picture.width, picture.height]);
     const found = { data: mask, quality: object.quality, notices: [] };

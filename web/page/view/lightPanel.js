@@ -4,8 +4,8 @@ import { OWN_FILES, exportTarget, save } from "../downloads.js";
 import { element, setStatus } from "./elements.js";
 import { errorLine } from "../words.js";
 import { brightestSide } from "../../src/light/light.js";
-import { SPHERE_NAMES, unclippedEv } from "../../src/light/spheres.js";
-import { describeDirection, drawFalseColor, drawMap, drawSphere, placeOnMap } from "./pictures.js";
+import { describeDirection, drawMap, drawSphere, placeOnMap } from "./pictures.js";
+import { SPHERE_NAMES, shadeSpheres, unclippedEv } from "./spheres.js";
 
 const TITLES = {
   three: "three.js",
@@ -35,15 +35,11 @@ export class LightPanel {
     element("api").hidden = !config.server;
   }
 
-  /** @param {object} result light and, now and then, spheres @param {object} about photo, model, longFovDeg */
+  /** @param {{light: import("../../src/light/light.js").Light}} result @param {object} about photo, model, longFovDeg */
   show(result, about) {
-    this.result = { ...this.result, ...result, spheres: result.spheres ?? this.result?.spheres };
-    this.about = about;
+    Object.assign(this, { result, about, shaded: shadeSpheres(result.light.radiance) });
     this.#drawMap();
-    if (result.spheres) {
-      this.shaded = { ...result.spheres };
-      this.#drawSpheres();
-    }
+    this.#drawSpheres();
     const { ground, dominant: { direction, irradiance, errorDeg } } = result.light;
     const marker = element("marker");
     marker.hidden = Math.max(...irradiance) === 0;
@@ -86,10 +82,7 @@ export class LightPanel {
   #drawMap() {
     const exposure = this.#exposureEv;
     element("exposure-value").textContent = `${exposure.toFixed(1).replace("-", "−")} EV`;
-    if (!this.result) return;
-    const { radiance } = this.result.light;
-    if (this.falseColor.checked) drawFalseColor(element("map"), radiance.map((value) => value * 2 ** exposure));
-    else drawMap(element("map"), radiance, exposure);
+    if (this.result) drawMap(element("map"), this.result.light.radiance, exposure, this.falseColor.checked);
   }
 
   #addDownloads({ server, targets }) {

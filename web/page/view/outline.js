@@ -1,11 +1,11 @@
 /** The part of a picture that an object covers: its points and their pixels. */
 
-import { Matrix4, Vector3 } from "three";
+import { Box3, Matrix4, Vector3 } from "three";
 
 /** Objects with more points than this are thinned. */
 const MOST_POINTS = 4000;
 
-/** Pixel far outside, for points at or behind the camera. */
+/** Pixel far outside, for what reaches behind the camera. */
 const FAR_PX = 1e4;
 
 /**
@@ -35,18 +35,9 @@ export function outlineOf(group) {
  * @returns {number[]} x0, y0, x1, y1 in pixels
  */
 export function extentOf(outline, clipFromGroup, width, height) {
-  const m = clipFromGroup.elements;
-  let [x0, y0, x1, y1] = [FAR_PX, FAR_PX, -FAR_PX, -FAR_PX];
-  for (let i = 0; i < outline.length; i += 3) {
-    const [x, y, z] = [outline[i], outline[i + 1], outline[i + 2]];
-    const w = m[3] * x + m[7] * y + m[11] * z + m[15];
-    if (w <= 0) return [-FAR_PX, -FAR_PX, FAR_PX, FAR_PX];
-    const u = ((m[0] * x + m[4] * y + m[8] * z + m[12]) / w + 1) * (width / 2);
-    const v = (1 - (m[1] * x + m[5] * y + m[9] * z + m[13]) / w) * (height / 2);
-    x0 = Math.min(x0, u);
-    x1 = Math.max(x1, u);
-    y0 = Math.min(y0, v);
-    y1 = Math.max(y1, v);
-  }
-  return [x0, y0, x1, y1];
+  const [box, point] = [new Box3(), new Vector3()];
+  for (let i = 0; i < outline.length; i += 3) box.expandByPoint(point.fromArray(outline, i).applyMatrix4(clipFromGroup));
+  const { min, max } = box;
+  if (!(max.z <= 1)) return [-FAR_PX, -FAR_PX, FAR_PX, FAR_PX];
+  return [((min.x + 1) / 2) * width, ((1 - max.y) / 2) * height, ((max.x + 1) / 2) * width, ((1 - min.y) / 2) * height];
 }

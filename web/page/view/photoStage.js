@@ -4,8 +4,6 @@ import { Stage } from "./stage.js";
 import { element } from "./elements.js";
 import { putRgba } from "./pictures.js";
 
-/** Colour behind a photo's transparent parts. */
-const PAPER = [231, 229, 225];
 /** Diameter of the knob that divides before from after, as style.css has it. */
 const KNOB = "2rem";
 
@@ -24,13 +22,7 @@ export class PhotoStage {
   showPicture({ width, height, rgba }) {
     this.video.hidden = true;
     this.canvas.hidden = false;
-    const opaque = rgba.slice();
-    for (let i = 0; i < opaque.length; i += 4) {
-      const alpha = rgba[i + 3] / 255;
-      for (let c = 0; c < 3; c++) opaque[i + c] = rgba[i + c] * alpha + PAPER[c] * (1 - alpha);
-      opaque[i + 3] = 255;
-    }
-    putRgba(this.canvas, opaque, width, height);
+    putRgba(this.canvas, rgba, width, height);
     this.#fit(width, height);
     this.stage.isLive = false;
     this.#hide();

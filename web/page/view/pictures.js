@@ -4,7 +4,7 @@ import { falseColor, luminance } from "../../src/core/color.js";
 import { displayByte } from "../../src/core/response.js";
 import { MAP_HEIGHT, directionToUv } from "../../src/core/latlong.js";
 import { levelled } from "../../src/light/light.js";
-import { SPHERE_SIZE, displaySphere } from "../../src/light/spheres.js";
+import { SPHERE_SIZE, displaySphere } from "./spheres.js";
 
 /** Put RGBA bytes on a canvas of exactly their size. */
 export function putRgba(canvas, rgba, width, height) {
@@ -13,33 +13,22 @@ export function putRgba(canvas, rgba, width, height) {
   canvas.getContext("2d").putImageData(new ImageData(rgba, width, height), 0, 0);
 }
 
-/** Draw a [height, width, 3] array through a function of one of its numbers to a byte. */
-function putValues(canvas, values, width, height, byteOf) {
-  const rgba = new Uint8ClampedArray(4 * width * height);
-  for (let from = 0, to = 0; from < values.length; from += 3, to += 4) {
-    rgba[to] = byteOf(values[from]);
-    rgba[to + 1] = byteOf(values[from + 1]);
-    rgba[to + 2] = byteOf(values[from + 2]);
-    rgba[to + 3] = 255;
-  }
-  putRgba(canvas, rgba, width, height);
-}
-
-/** Luminance of a radiance map in false colour. */
-export function drawFalseColor(canvas, radiance) {
-  const [width, height] = [2 * MAP_HEIGHT, MAP_HEIGHT];
-  const rgba = new Uint8ClampedArray(4 * width * height);
-  for (let from = 0, to = 0; from < radiance.length; from += 3, to += 4) {
-    rgba.set(falseColor(luminance(radiance[from], radiance[from + 1], radiance[from + 2])), to);
-    rgba[to + 3] = 255;
-  }
-  putRgba(canvas, rgba, width, height);
-}
-
-/** A map as the camera would show it at an exposure [EV]. */
-export function drawMap(canvas, radiance, exposureEv) {
+/**
+ * Draw a radiance map as the camera would show it, or its luminance in false colour.
+ *
+ * @param {HTMLCanvasElement} canvas
+ * @param {Float32Array} radiance [64, 128, 3]
+ * @param {number} exposureEv
+ * @param {boolean} isFalseColor
+ */
+export function drawMap(canvas, radiance, exposureEv, isFalseColor) {
   const gain = 2 ** exposureEv;
-  putValues(canvas, radiance, 2 * MAP_HEIGHT, MAP_HEIGHT, (value) => displayByte(gain * value));
+  const rgba = new Uint8ClampedArray((radiance.length / 3) * 4).fill(255);
+  for (let from = 0, to = 0; from < radiance.length; from += 3, to += 4) {
+    const pixel = radiance.subarray(from, from + 3).map((value) => gain * value);
+    rgba.set(isFalseColor ? falseColor(luminance(...pixel)) : pixel.map(displayByte), to);
+  }
+  putRgba(canvas, rgba, 2 * MAP_HEIGHT, MAP_HEIGHT);
 }
 
 /** Where a direction lies in the map: left and top as percentages. */

@@ -1,44 +1,22 @@
 /**
  * The photo with a virtual object on the ground beside the real one, lit by the estimate.
  *
- * The scene is the photo's camera frame: the camera sits at the origin and looks along -Z. The
- * ground is a plane under the real object, tilted by the camera pitch; only shadows are drawn on it.
+ * The scene is the photo's camera frame: the camera sits at the origin and looks along -Z.
  */
 
-import {
-  DirectionalLight,
-  Group,
-  Matrix4,
-  Mesh,
-  PCFShadowMap,
-  PerspectiveCamera,
-  Plane,
-  PlaneGeometry,
-  Quaternion,
-  Raycaster,
-  Scene,
-  ShadowMaterial,
-  Vector2,
-  Vector3,
-  WebGLRenderer,
-} from "three";
-import { DEFAULT_LONG_FOV_DEG, pixelDirection } from "../../src/photo/lens.js";
-import { contactOf, likelyPitchDeg, seenPitchDeg } from "../../src/photo/ground.js";
+import { DirectionalLight, Group, Matrix4, PCFShadowMap, Raycaster, Scene, Vector2, Vector3, WebGLRenderer } from "three";
+import { DEFAULT_LONG_FOV_DEG } from "../../src/photo/lens.js";
 import { showDrawn } from "./drawnAside.js";
-import { ContactShadow, EnvironmentTexture, MaskOccluder, groundShadowOpacity, installCameraCurve } from "../../src/three/index.js";
+import { ContactShadow, EnvironmentTexture, MaskOccluder, PhotoGround, installCameraCurve } from "../../src/three/index.js";
 import { extentOf, outlineOf } from "./outline.js";
 import { findSpot } from "./placement.js";
 import { dispose } from "./virtualObjects.js";
 import { findWebgl } from "./webgl.js";
 
-/** Distance of the real object's base, in units of the scene; only proportions are seen. */
-const DISTANCE = 5;
-const UP = new Vector3(0, 1, 0);
 /** Height of the object over the real one's, at size 1 and where there is room. */
 const OF_REAL = 0.5;
+/** Side of the shadow's map; software draws it too. */
 const SHADOW_PX = 256;
-/** Side of the plane that catches the shadow, in reaches of the light that casts it. */
-const CATCHER = 6;
 /** Pixels drawn for a pixel shown, along each side, over the camera's picture where WebGL is software. */
 const COARSE = 0.7;
 /** Nothing is placed nearer to the horizon than this, of the photo's height. */
@@ -56,14 +34,20 @@ export class Stage {
     if (canDraw) this.#openRenderer();
     this.environment = new EnvironmentTexture();
     this.scene = new Scene();
-    this.camera = new PerspectiveCamera();
-    this.camera.near = 0.05;
-    this.object = null;
+    this.ground = this.object = null; // until there is a photo, and a choice
     this.turn = 0;
     this.size = 1;
     this.isLive = false;
     this.isTouched = false;
-    this.#buildGround();
+    this.standing = new Group(); // moves on the ground, carries object and contact shadow
+    this.contactShadow = new ContactShadow();
+    this.contactShadow.position.y = 0.002;
+    this.standing.add(this.contactShadow);
+    this.realObject = new MaskOccluder();
+    // the environment lights the object, its dominant light included; this light only casts the shadow
+    const directionalLight = new DirectionalLight(0xffffff, 0);
+    this.lights = Object.assign(new Group().add(directionalLight, directionalLight.target), { directionalLight, estimate: null });
+    this.scene.add(this.realObject.group, this.lights);
   }
 
   #openRenderer() {
@@ -76,25 +60,6 @@ export class Stage {
     installCameraCurve(this.renderer);
     this.renderer.shadowMap.enabled = true;
     this.renderer.shadowMap.type = PCFShadowMap;
-  }
-
-  #buildGround() {
-    this.ground = new Group();
-    this.standing = new Group(); // moves on the ground, carries object and contact shadow
-    this.catcher = new Mesh(new PlaneGeometry(1, 1).rotateX(-Math.PI / 2), new ShadowMaterial({ toneMapped: false }));
-    this.catcher.receiveShadow = true;
-    this.contactShadow = new ContactShadow();
-    this.contactShadow.position.y = 0.002;
-    this.standing.add(this.contactShadow);
-    this.ground.add(this.catcher, this.standing);
-    this.realObject = new MaskOccluder();
-    this.scene.add(this.realObject.group);
-    // the environment lights the object, its dominant light included; this light only casts the shadow
-    this.shadowLight = new DirectionalLight(0xffffff, 0);
-    this.shadowLight.castShadow = true;
-    this.shadowLight.shadow.mapSize.set(SHADOW_PX, SHADOW_PX);
-    this.shadowLight.shadow.bias = -0.0005;
-    this.scene.add(this.ground, this.shadowLight, this.shadowLight.target);
   }
 
   /**
@@ -110,49 +75,51 @@ export class Stage {
   setPhoto(width, height, lensDeg, mask, box, ground = null) {
     const longFovDeg = lensDeg ?? DEFAULT_LONG_FOV_DEG;
     const isSame = [width, height, ...box].join() === [this.width, this.height, ...(this.box ?? [])].join();
-    Object.assign(this, { mask, width, height, longFovDeg, box, contact: contactOf(mask, width, box) });
+    Object.assign(this, { mask, width, height, longFovDeg, box });
+    this.camera = PhotoGround.camera({ mask: { width, height }, lens: { longFovDeg } });
+    this.isTouched = isSame && this.isTouched; // what was moved stays where it is
+    this.setPitch(this.isTouched ? this.pitchDeg : ground?.pitchDeg);
     this.setMask(mask);
-    const half = Math.tan((longFovDeg * Math.PI) / 360) * (height / Math.max(width, height));
-    this.camera.fov = (2 * Math.atan(half) * 180) / Math.PI;
-    this.camera.aspect = width / height;
-    this.camera.updateProjectionMatrix();
-    if (isSame && this.isTouched) return this.setPitch(this.pitchDeg); // what was moved stays where it is
-    this.isTouched = false;
-    const focal = this.#focalPx();
-    this.setPitch(ground ? seenPitchDeg(ground.pitchDeg, this.contact[1], height, focal) : likelyPitchDeg(this.contact[1], height, focal));
   }
 
   /** The real object hides what lies behind it: shadows on the ground, and the virtual object there. */
   setMask(mask) {
-    this.realObject.show({ data: mask, width: this.width, height: this.height }, DISTANCE, this.#focalPx());
+    this.realObject.show({ data: mask, width: this.width, height: this.height }, this.ground.distance, this.ground.focalPx);
   }
 
   /** Put the object beside the real one, all of it in the photo. */
   #standBeside() {
-    const { mask, width, height, box, size } = this;
+    const { mask, width, height, box, size, ground } = this;
+    const { distance, focalPx, pitchDeg } = ground;
     const real = Math.max(box[3] - box[1], 0.6 * (box[2] - box[0]));
-    const asked = (OF_REAL * real * DISTANCE) / this.#focalPx();
-    const farRow = height / 2 - this.#focalPx() * Math.tan((this.pitchDeg * Math.PI) / 180) + BELOW_HORIZON * height;
+    const asked = (OF_REAL * real * distance) / focalPx;
+    const farRow = height / 2 - focalPx * Math.tan((pitchDeg * Math.PI) / 180) + BELOW_HORIZON * height;
     const extentAt = ({ x, y, share }) => {
       this.#setFoot(x, Math.max(y, farRow));
       this.standing.scale.setScalar(asked * share * size);
-      this.standing.updateWorldMatrix(true, false);
-      const clip = new Matrix4().multiplyMatrices(this.camera.projectionMatrix, this.standing.matrixWorld);
-      return extentOf(this.outline, clip, width, height);
+      return this.#extent();
     };
-    const [, row] = this.contact;
-    const { x, y, share, isBehind } = findSpot({ mask, width, box, row, behind: this.#rowBehind(asked) }, extentAt);
+    const depth = (((box[2] - box[0]) / focalPx) * distance + asked) / 2; // of the real object, as deep as wide, and room
+    const [, row] = this.#pixelOf(ground.position.clone());
+    const [, behind] = this.#pixelOf(ground.localToWorld(new Vector3(0, 0, -depth)));
+    const { x, y, share, isBehind } = findSpot({ mask, width, box, row, behind }, extentAt);
     this.unit = asked * share;
     this.isBehind = isBehind;
     this.#setFoot(x, Math.max(y, farRow));
     this.#place();
   }
 
-  /** Row of the ground that lies behind the real object, as deep as wide, by what stands there. */
-  #rowBehind(room) {
-    const { height, box, up, ground } = this;
-    const away = DISTANCE + ((box[2] - box[0]) / 2 / this.#focalPx()) * DISTANCE + room / 2;
-    return height / 2 - (this.#focalPx() * (up.dot(ground.position) + up.z * away)) / up.y / away;
+  /** What the object covers, x0, y0, x1, y1 in pixels. */
+  #extent() {
+    this.standing.updateWorldMatrix(true, false);
+    const clip = new Matrix4().multiplyMatrices(this.camera.projectionMatrix, this.standing.matrixWorld);
+    return extentOf(this.outline, clip, this.width, this.height);
+  }
+
+  /** The pixel that shows a place. */
+  #pixelOf(place) {
+    const { x, y } = place.project(this.camera);
+    return [((x + 1) / 2) * this.width, ((1 - y) / 2) * this.height];
   }
 
   /** Whoever moved or scaled the object finds it where it was left; until then it stands beside the real one. */
@@ -161,21 +128,17 @@ export class Stage {
     else this.#place();
   }
 
-  #focalPx() {
-    return Math.max(this.width, this.height) / 2 / Math.tan((this.longFovDeg * Math.PI) / 360);
+  get pitchDeg() {
+    return this.ground.pitchDeg;
   }
 
-  /** How far the camera looks down, degrees: the slope of the ground in the picture. */
-  setPitch(degrees) {
-    this.pitchDeg = degrees;
-    const angle = (degrees * Math.PI) / 180;
-    this.up = new Vector3(0, Math.cos(angle), Math.sin(angle));
-    this.ground.quaternion.copy(new Quaternion().setFromUnitVectors(UP, this.up));
-    if (this.contact) {
-      const foot = pixelDirection(this.contact, this.width, this.height, this.longFovDeg);
-      this.ground.position.set(...foot).multiplyScalar(DISTANCE);
-    }
-    this.ground.updateMatrixWorld(true);
+  /** Lay the ground. @param {number} [pitchDeg] how far the camera looks down, its slope in the picture; default: guessed */
+  setPitch(pitchDeg) {
+    const { mask: data, width, height, camera, scene, standing } = this;
+    this.ground?.removeFromParent();
+    this.ground?.dispose();
+    this.ground = new PhotoGround({ mask: { data, width, height } }, camera, { pitchDeg });
+    scene.add(this.ground.add(standing));
     this.#stand();
   }
 
@@ -200,52 +163,44 @@ export class Stage {
   }
 
   #place() {
-    if (!this.object) return this.#aimShadow();
+    if (!this.object) return;
     this.standing.scale.setScalar((this.unit ?? 1) * this.size);
     this.contactShadow.scale.setScalar(1.1 * this.object.userData.width);
-    this.#aimShadow();
+    this.#castShadow();
   }
 
-  /** Move the object to where the ground lies behind a pixel of the photo; false if none does. */
+  /** Move the object to where the ground lies behind a pixel of the photo, if any does. */
   moveTo(x, y) {
     this.isTouched = true;
     this.isBehind = false;
-    const isGround = this.#setFoot(x, y);
-    if (isGround) this.#aimShadow();
-    return isGround;
+    this.#setFoot(x, y);
+    this.#castShadow();
   }
 
   #setFoot(x, y) {
-    const direction = new Vector3(...pixelDirection([x, y], this.width, this.height, this.longFovDeg));
-    const plane = new Plane().setFromNormalAndCoplanarPoint(this.up, this.ground.position);
-    const caster = new Raycaster(new Vector3(), direction.normalize());
-    const hit = caster.ray.intersectPlane(plane, new Vector3());
-    if (!hit || hit.length() > 6 * DISTANCE || hit.length() < 0.1 * DISTANCE) return false;
-    this.standing.position.copy(this.ground.worldToLocal(hit));
-    return true;
+    const place = this.ground.at([x, y]);
+    if (place) this.standing.position.copy(place);
   }
 
   /** Where the object stands in the camera's frame, the ground's normal there, its unit's length, and the field of view. */
   pose() {
+    const up = this.ground && new Vector3(0, 1, 0).applyQuaternion(this.ground.quaternion).toArray();
     const foot = this.standing.getWorldPosition(new Vector3()).toArray();
-    return { foot, up: this.up?.toArray(), scale: this.standing.scale.x, longFovDeg: this.longFovDeg };
+    return { foot, up, scale: this.standing.scale.x, longFovDeg: this.longFovDeg };
   }
 
   /** What is to be said of the object's place: empty where all of it is in the photo, and nothing hides it. */
   placeNote() {
-    if (!this.object || !this.box) return "";
+    if (!this.object || !this.ground) return "";
     if (this.isBehind) return "There is no room beside the object: the virtual one stands behind it. Drag it.";
-    this.standing.updateWorldMatrix(true, false);
-    const clip = new Matrix4().multiplyMatrices(this.camera.projectionMatrix, this.standing.matrixWorld);
-    const [x0, y0, x1, y1] = extentOf(this.outline, clip, this.width, this.height);
+    const [x0, y0, x1, y1] = this.#extent();
     const isInside = x0 >= 0 && y0 >= 0 && x1 <= this.width && y1 <= this.height;
     return isInside ? "" : "Part of the virtual object is outside the photo.";
   }
 
   /** Pixel of the photo where the object stands. */
   footPx() {
-    const point = this.standing.getWorldPosition(new Vector3()).project(this.camera);
-    return [((point.x + 1) / 2) * this.width, ((1 - point.y) / 2) * this.height];
+    return this.#pixelOf(this.standing.getWorldPosition(new Vector3()));
   }
 
   /** Whether a pixel of the photo shows the object, or nearly. */
@@ -260,31 +215,19 @@ export class Stage {
 
   /** @param {import("../../src/light/light.js").Light} light */
   setLight(light) {
-    this.light = light;
     this.scene.environment = this.environment.update(light.prefiltered);
-    this.#aimShadow();
+    this.lights.estimate = light;
+    this.lights.directionalLight.position.set(...light.dominant.direction);
+    this.#castShadow();
   }
 
-  /** Let the dominant light cast the object's shadow, as dark as its share of the ground's light is. */
-  #aimShadow() {
-    if (!this.canDraw || !this.light || !this.up) return;
-    const { dominant } = this.light;
-    const towards = new Vector3(...dominant.direction);
-    const cosine = Math.max(towards.dot(this.up), 0);
-    this.catcher.material.opacity = groundShadowOpacity(this.light, this.up.toArray());
-    const foot = this.standing.getWorldPosition(new Vector3());
-    const reach = 2 * (this.unit ?? 1) * this.size;
-    this.catcher.visible = this.shadowLight.castShadow = cosine > 0.05;
-    this.shadowLight.target.position.copy(foot);
-    this.shadowLight.position.copy(foot).addScaledVector(towards, 3 * reach);
-    const { shadow } = this.shadowLight;
-    Object.assign(shadow.camera, { left: -reach, right: reach, top: reach, bottom: -reach, far: 6 * reach });
-    shadow.camera.near = 0.1 * reach;
-    shadow.camera.updateProjectionMatrix();
-    shadow.radius = 2 + 6 * Math.min((dominant.radiusDeg * Math.PI) / 180, 1);
-    this.shadowLight.target.updateMatrixWorld();
-    this.catcher.scale.setScalar(CATCHER * reach);
-    this.catcher.position.copy(this.standing.position);
+  /** Let the dominant light cast the object's shadow, the softer the wider it is. */
+  #castShadow() {
+    const { estimate, directionalLight: { shadow } } = this.lights;
+    if (!this.canDraw || !estimate || !this.ground || !this.object) return;
+    this.ground.castFrom(this.lights);
+    shadow.mapSize.set(SHADOW_PX, SHADOW_PX);
+    shadow.radius = 2 + 6 * Math.min((estimate.dominant.radiusDeg * Math.PI) / 180, 1);
   }
 
   /**
@@ -297,13 +240,12 @@ export class Stage {
     const sharp = Math.min(window.devicePixelRatio, 2);
     const ratio = this.isSoftware ? (this.isLive ? COARSE : 2 * sharp) : sharp; // software draws edges without half tones
     const [width, height] = [canvas.clientWidth, canvas.clientHeight];
-    if (!this.canDraw || !width || !height || !this.box) return;
+    if (!this.canDraw || !width || !height || !this.ground) return;
     const size = renderer.getDrawingBufferSize(new Vector2());
     if (size.x !== Math.floor(width * ratio) || size.y !== Math.floor(height * ratio)) {
       renderer.setPixelRatio(ratio);
       renderer.setSize(width, height, false);
     }
-    this.ground.visible = this.light !== undefined;
     renderer.render(this.scene, this.camera);
     if (this.isSoftware) await showDrawn(renderer.getContext(), canvas);
   }

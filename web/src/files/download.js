@@ -36,7 +36,7 @@ export async function download(url, { integrity, onProgress = () => {}, stalledM
       onProgress({ file, loaded, total, stalled: false });
       heard();
     }
-    return joined(parts, loaded);
+    return new Uint8Array(await new Blob(parts).arrayBuffer());
   } catch (error) {
     throw new AnyProbeError("fetch-failed", `${file} could not be fetched from ${url} (${error.message})`);
   } finally {
@@ -63,14 +63,4 @@ function checkAnswer(answer) {
   const kind = answer.headers.get("content-type") ?? "";
   if (kind.startsWith("text/html")) throw new Error("an HTML page came in its place; check the address");
   return answer;
-}
-
-function joined(parts, length) {
-  const bytes = new Uint8Array(length);
-  let at = 0;
-  for (const part of parts) {
-    bytes.set(part, at);
-    at += part.length;
-  }
-  return bytes;
 }

@@ -173,49 +173,37 @@ function directionError(bright, height, [x, y, z]) {
   return Math.min(ERROR.factor * ((180 / Math.PI) * (sum / total) + ERROR.offset_deg) ** ERROR.exponent, ERROR.most_deg);
 }
 
-/** Grow a mask by one pixel up, down, left and right on the sphere; a touched pole row is taken whole. */
-function dilate(mask, height) {
+/** Visit the pixels that touch one on the sphere: in the row of a pole all do. */
+function visitBeside(pixel, height, visit) {
   const width = 2 * height;
+  const column = pixel % width;
+  const line = pixel - column;
+  visit(line + ((column + 1) % width));
+  visit(line + ((column + width - 1) % width));
+  if (line > 0) visit(pixel - width);
+  if (line < (height - 1) * width) visit(pixel + width);
+  if (line === 0 || line === (height - 1) * width) for (let other = line; other < line + width; other++) visit(other);
+}
+
+/** Grow a mask by the pixels beside it. */
+function dilate(mask, height) {
   const grown = mask.slice();
-  for (let row = 0; row < height; row++) {
-    for (let column = 0; column < width; column++) {
-      if (!mask[row * width + column]) continue;
-      grown[row * width + ((column + 1) % width)] = 1;
-      grown[row * width + ((column + width - 1) % width)] = 1;
-      if (row > 0) grown[(row - 1) * width + column] = 1;
-      if (row < height - 1) grown[(row + 1) * width + column] = 1;
-    }
-  }
-  for (const pole of [0, height - 1]) {
-    const line = mask.subarray(pole * width, (pole + 1) * width);
-    if (line.includes(1)) grown.fill(1, pole * width, (pole + 1) * width);
-  }
+  const add = (pixel) => (grown[pixel] = 1);
+  mask.forEach((value, pixel) => value && visitBeside(pixel, height, add));
   return grown;
 }
 
 /** The part of a mask that is connected to one of its pixels on the sphere. */
 function connected(mask, height, start) {
-  const width = 2 * height;
   const region = new Uint8Array(mask.length);
-  const waiting = [start];
+  const reached = [];
   const visit = (pixel) => {
     if (!mask[pixel] || region[pixel]) return;
     region[pixel] = 1;
-    waiting.push(pixel);
+    reached.push(pixel);
   };
-  region[start] = 1;
-  while (waiting.length) {
-    const pixel = waiting.pop();
-    const column = pixel % width;
-    const row = (pixel - column) / width;
-    visit(row * width + ((column + 1) % width));
-    visit(row * width + ((column + width - 1) % width));
-    if (row > 0) visit(pixel - width);
-    if (row < height - 1) visit(pixel + width);
-    if (row === 0 || row === height - 1) { // all pixels of a pole's row touch each other there
-      for (let other = row * width; other < (row + 1) * width; other++) visit(other);
-    }
-  }
+  visit(start);
+  for (const pixel of reached) visitBeside(pixel, height, visit);
   return region;
 }
 

@@ -7,7 +7,7 @@
 
 import { luminance } from "../core/color.js";
 import { CONTRACT } from "../core/contract.js";
-import { transposed, turned, unit } from "../core/frames.js";
+import { turned, unit } from "../core/frames.js";
 import { MAP_HEIGHT, pixelSolidAngles } from "../core/latlong.js";
 import { rotate } from "./environment.js";
 import { BLUR_RADIUS, drawSources, edgeCosine, splitSources } from "./lightSources.js";
@@ -35,7 +35,7 @@ export const SAME_AFTER_S = rules.same_s;
  */
 export function step(state, radiance, dt, worldFromCamera = null, looksSame = false) {
   const pose = worldFromCamera ?? STILL;
-  const { y, sources } = worldFromCamera ? splitInWorld(radiance, worldFromCamera) : split(radiance);
+  const { y, sources } = split(radiance, worldFromCamera);
   if (state === null) return begun(y, sources, pose, Infinity);
   const sameS = looksSame ? state.sameS + dt : 0;
   const isSame = sameS > SAME_AFTER_S;
@@ -63,19 +63,13 @@ export function step(state, radiance, dt, worldFromCamera = null, looksSame = fa
 
 const splits = new WeakMap();
 
-/** A map's encoded soft part and its sources; kept, since frames without an answer of their own reuse the last one. */
-function split(radiance) {
-  if (!splits.has(radiance)) {
-    const { rest, sources } = splitSources(radiance, MAP_HEIGHT);
-    splits.set(radiance, { y: encode(rest), sources });
-  }
-  return splits.get(radiance);
-}
-
-function splitInWorld(radiance, worldFromCamera) {
-  const { rest, sources } = splitSources(radiance, MAP_HEIGHT);
-  const turnedSources = sources.map((one) => ({ ...one, direction: turned(worldFromCamera, one.direction) }));
-  return { y: encode(turn(rest, worldFromCamera)), sources: turnedSources };
+/** A map's encoded soft part and its sources, in the world if a pose is known; frames without an answer of their own reuse a map. */
+function split(radiance, worldFromCamera) {
+  if (!splits.has(radiance)) splits.set(radiance, splitSources(radiance, MAP_HEIGHT));
+  const { rest, sources } = splits.get(radiance);
+  if (!worldFromCamera) return { y: encode(rest), sources };
+  const inWorld = sources.map((one) => ({ ...one, direction: turned(worldFromCamera, one.direction) }));
+  return { y: encode(rotate(rest, MAP_HEIGHT, worldFromCamera)), sources: inWorld };
 }
 
 /** The first state, or that after a cut. */
@@ -84,17 +78,8 @@ function begun(y, sources, pose, sameS) {
   return { soft: begin(y), tracks, pose, held: false, oddS: 0, ledS: 0, sameS };
 }
 
-/** The light to show, linear radiance, in a camera's frame. @param {number[] | null} [worldFromCamera] as of step */
-export function shown(state, worldFromCamera = null) {
-  let map = decode(state.soft.steady);
-  let sources = shownSources(state);
-  if (worldFromCamera) {
-    const cameraFromWorld = transposed(worldFromCamera);
-    map = turn(map, cameraFromWorld);
-    sources = sources.map((one) => ({ ...one, direction: turned(cameraFromWorld, one.direction) }));
-  }
-  return drawSources(map, MAP_HEIGHT, sources);
-}
+/** The light to show, linear radiance, in the frame that the filter works in. */
+export const shown = (state) => drawSources(decode(state.soft.steady), MAP_HEIGHT, shownSources(state));
 
 /** The discrete sources to show, the leader first, in the frame that the filter works in. */
 export function shownSources({ tracks }) {
@@ -220,10 +205,6 @@ const angleOf = (a, b) => 2 * Math.asin(Math.min(distance(a, b) / 2, 1));
 
 /** Angle between two poses. */
 const turnedBy = (from, to) => Math.acos(Math.min(Math.max((from.reduce((sum, value, i) => sum + value * to[i], 0) - 1) / 2, -1), 1));
-
-function turn(map, rotation) {
-  return rotate(map, MAP_HEIGHT, rotation).map((value) => Math.max(value, 0));
-}
 
 /** y of L. */
 function encode(radiance) {

@@ -3,7 +3,6 @@
 import { MAP_HEIGHT } from "../core/latlong.js";
 import { inverseResponse } from "../core/response.js";
 import { rotateOne } from "../light/environment.js";
-import { shadeSpheres } from "../light/spheres.js";
 import { describe } from "../light/light.js";
 import { lightOfObject } from "../networks/lightOfObject.js";
 import { SAME_AFTER_S, shown, step } from "../light/temporal.js";
@@ -13,9 +12,6 @@ import { readFrame } from "./videoFrames.js";
 
 /** Frames without the object after which it is lost; until then the last light stays. */
 const PATIENCE = 8;
-
-/** Frames between two pictures of the spheres. */
-const SPHERES_EVERY = 8;
 
 /**
  * While the object looks the same, and the filter doubts nothing, the networks rest for so many frames, and for as many more as
@@ -30,16 +26,14 @@ export class FrameLight {
    * @param {import("../photo/picture.js").Hints} hints as shares of width and height
    * @param {number} longFovDeg
    * @param {import("../networks/lightOfObject.js").LightOptions} [options]
-   * @param {boolean} [withViews] whether spheres are wanted now and then
    */
-  constructor(models, masks, hints, longFovDeg, options = {}, withViews = true) {
+  constructor(models, masks, hints, longFovDeg, options = {}) {
     this.options = options;
-    this.withViews = withViews;
     this.models = models;
     this.longFovDeg = longFovDeg;
     this.object = new ObjectFollower(masks, hints);
     this.state = this.size = null;
-    this.count = this.unseen = this.rested = 0;
+    this.unseen = this.rested = 0;
     this.found = null; // the networks' last answer
   }
 
@@ -55,7 +49,7 @@ export class FrameLight {
    *   then in the world
    * @param {{data: Float32Array, width: number, height: number} | null} [given] where the object is, of whatever size
    * @param {(outline: object) => void} [tell] hears of the mask before the light is there
-   * @returns {Promise<object>} light, time, mask and box of the object; now and then spheres;
+   * @returns {Promise<object>} light, time, mask and box of the object;
    *   {lost: true} with the picture's mean radiance while no object is marked or seen, {held: true} where it is not seen for a moment; `missed` where what was
    *   marked last found nothing and the object before it is followed on,
    *   `searching` while it is looked for
@@ -73,7 +67,6 @@ export class FrameLight {
     const { quality, isSearching } = this.object;
     const outline = { time, mask, quality, box, ...this.size, ...(missed && { missed }), ...(isSearching && { searching: true }) };
     tell(outline);
-    const withSpheres = this.withViews && this.count++ % SPHERES_EVERY === 0;
     if (!this.object.looksSame) this.otherAt = time;
     const isAsked = isNew || missed || worldFromCamera !== null;
     if (isAsked || !this.#mayRest(time)) {
@@ -91,10 +84,7 @@ export class FrameLight {
     const dt = this.time === undefined ? 1 / 30 : Math.max(time - this.time, 1e-3);
     this.time = time;
     this.state = step(this.state, radiance, dt, worldFromCamera, this.object.looksSame);
-    const steady = shown(this.state);
-    const light = { ...describe(steady), ...rest, isInWorld };
-    const spheres = withSpheres ? shadeSpheres(isInWorld ? shown(this.state, worldFromCamera) : light.radiance) : null;
-    return { light, spheres, ...outline };
+    return { light: { ...describe(shown(this.state)), ...rest, isInWorld }, ...outline };
   }
 
   /** Whether the last answer serves this frame, which is neither marked nor turned. */

@@ -11,7 +11,7 @@ import { CONTRACT } from "../core/contract.js";
 import { median } from "../photo/ground.js";
 import { objectBox } from "../photo/picture.js";
 import { around } from "../photo/search.js";
-import { REACH, STILL, beginKey, locateKey, lumaOf, matrixOf } from "./registration.js";
+import { REACH, STILL, beginKey, locateKey, lumaOf, matrixOf, sample } from "./registration.js";
 
 const { most_change: MOST_CHANGE, faded: FADED, room: ROOM, remembered: REMEMBERED, other_light: OTHER_LIGHT, ...NUMBERS } = CONTRACT.held_mask;
 const { narrow: NARROW, narrow_error: NARROW_ERROR, narrow_most: NARROW_MOST } = NUMBERS;
@@ -19,8 +19,8 @@ const { narrow: NARROW, narrow_error: NARROW_ERROR, narrow_most: NARROW_MOST } =
 /** Margin read beyond the reach of registration, in longer sides of the object. */
 const READ_MORE = REACH + 0.1;
 
-/** Smaller windows are not registered [pixels]. */
-const LEAST_PX = 8;
+/** Smaller windows are not registered, and so far a mask's soft edge reaches beyond it [pixels]. */
+const [LEAST_PX, SOFT_PX] = [8, 2];
 
 /**
  * A mask that was found in a frame.
@@ -66,19 +66,20 @@ export const isOneObject = (count, before) => count / before > 1 / MOST_CHANGE &
 
 /** The mask in the last frame, of its size; another cover of the key's. @param {Held} held */
 export function maskIn(held, cover = held.cover) {
-  const { motion, key, offset, size: [width, height] } = held;
-  const mask = new Float32Array(width * height);
-  const [x0, y0, x1, y1] = boxOf(held).map(Math.round);
-  const [cx, cy] = key.center;
-  const [a, b, c, d] = matrixOf({ angle: -motion.angle, scale: -motion.scale });
-  const [moreX, moreY] = [cx - offset[0] - 0.5, cy - offset[1] - 0.5];
-  for (let y = Math.max(y0 - 2, 0); y < Math.min(y1 + 2, height); y++) {
-    const v = y + 0.5 - cy - motion.y;
-    for (let x = Math.max(x0 - 2, 0); x < Math.min(x1 + 2, width); x++) {
-      const u = x + 0.5 - cx - motion.x;
-      mask[y * width + x] = valueAt(cover, held.width, held.height, a * u + b * v + moreX, c * u + d * v + moreY);
-    }
+  const { motion, key: { center }, offset, size: [width, height] } = held;
+  const more = [-SOFT_PX, -SOFT_PX, SOFT_PX, SOFT_PX];
+  const [x0, y0, x1, y1] = around([0, 0, width, height], boxOf(held).map((at, i) => at + more[i]), 0);
+  const [across, count] = [x1 - x0, Math.max(x1 - x0, 0) * Math.max(y1 - y0, 0)];
+  const places = new Float64Array(2 * count);
+  for (let i = 0; i < count; i++) {
+    places[2 * i] = x0 + (i % across) + 0.5 - center[0] - motion.x;
+    places[2 * i + 1] = y0 + Math.floor(i / across) + 0.5 - center[1] - motion.y;
   }
+  const [values, there] = [new Float64Array(count), new Uint8Array(count)];
+  const back = { x: 0, y: 0, angle: -motion.angle, scale: -motion.scale };
+  sample({ width: held.width, height: held.height, values: cover }, places, back, center, offset, 1, values, there);
+  const mask = new Float32Array(width * height);
+  for (let i = 0; i < count; i++) mask[(y0 + Math.floor(i / across)) * width + x0 + (i % across)] = values[i] * there[i];
   return mask;
 }
 
@@ -116,16 +117,6 @@ function leastOf(cover, width) {
   }
   leasts.set(cover, out);
   return out;
-}
-
-/** Linear between pixels, of which 0 is the first one's centre; 0 beside them. */
-function valueAt(values, width, height, x, y) {
-  if (!(x >= 0 && x <= width - 1 && y >= 0 && y <= height - 1)) return 0;
-  const [left, top] = [Math.floor(x), Math.floor(y)];
-  const at = top * width + left;
-  const [beside, under] = [left < width - 1 ? 1 : 0, top < height - 1 ? width : 0];
-  const above = values[at] + (x - left) * (values[at + beside] - values[at]);
-  return above + (y - top) * (values[at + under] + (x - left) * (values[at + under + beside] - values[at + under]) - above);
 }
 
 /** Around the object in the last frame, x0, y0, x1, y1. */

@@ -106,21 +106,19 @@ function placeOf(mask, width, [left, top]) {
   return { center: [meanX + 0.5 + left, meanY + 0.5 + top], radius, longer: Math.max(x1 - x0, y1 - y0) };
 }
 
-/** Values and cover of the box that is searched by, and the place from the centre of its first cell. */
+/** Cells around the mask as far as it is searched, the place of their first from the centre; values of those covered, less their mean. */
 function coarseBox({ width, values }, cover, coarse, first, center) {
   const most = cover.reduce((a, b) => Math.max(a, b), 0);
   const isIn = (value) => (most > 0.5 ? value > 0.5 : value >= most); // an object may be thinner than a cell
   const [x0, y0, x1, y1] = objectBox(cover.map(isIn), width);
-  const [across, down] = [x1 - x0, y1 - y0];
-  const cells = new Float64Array(across * down);
-  const inside = new Float64Array(across * down);
-  for (let i = 0; i < cells.length; i++) {
-    const at = (y0 + Math.floor(i / across)) * width + x0 + (i % across);
-    cells[i] = values[at];
-    inside[i] = isIn(cover[at]) ? 1 : 0;
-  }
-  const start = [x0, y0].map((cell, axis) => (cell + 0.5) * 2 ** coarse + first[axis] - center[axis]);
-  return { across, down, cells, cover: inside, start };
+  const reach = Math.ceil(REACH * Math.max(x1 - x0, y1 - y0));
+  const [wide, high] = [x1 - x0 + 2 * reach, y1 - y0 + 2 * reach];
+  const start = [x0 - reach, y0 - reach].map((cell, axis) => (cell + 0.5) * 2 ** coarse + first[axis] - center[axis]);
+  const covered = [...cover.keys()].filter((at) => isIn(cover[at]));
+  const mean = covered.reduce((sum, at) => sum + values[at], 0) / covered.length;
+  const parts = Float64Array.from(covered, (at) => values[at] - mean);
+  const at = Int32Array.from(covered, (cell) => (Math.floor(cell / width) - y0) * wide + (cell % width) - x0);
+  return { wide, high, reach, start, parts, at, power: parts.reduce((sum, value) => sum + value * value, 0) };
 }
 
 /** Places and rows of a level's points. */
@@ -226,29 +224,17 @@ function composed({ x, y, angle, scale }, [dx, dy, turn, growth], radius) {
 }
 
 /** The start shifted by whole cells of the coarse level to the object's most likely place. */
-function searched({ across, down, cells, cover, start: begin, coarse, center }, picture, start, first) {
-  const longer = Math.max(across, down);
-  const reach = Math.ceil(REACH * longer);
+function searched({ wide, high, reach, start: begin, parts, at, power, coarse, center }, picture, start, first) {
   const cell = 2 ** coarse;
-  const [wide, high] = [across + 2 * reach, down + 2 * reach];
   const places = new Float64Array(2 * wide * high);
   for (let i = 0; i < wide * high; i++) {
-    places[2 * i] = ((i % wide) - reach) * cell + begin[0];
-    places[2 * i + 1] = (Math.floor(i / wide) - reach) * cell + begin[1];
+    places[2 * i] = (i % wide) * cell + begin[0];
+    places[2 * i + 1] = Math.floor(i / wide) * cell + begin[1];
   }
   const seen = new Float64Array(wide * high);
   const there = new Uint8Array(wide * high);
   sample(picture, places, start, center, first, cell, seen, there);
-  const covered = cover.reduce((sum, value) => sum + (value ? 1 : 0), 0);
-  const [parts, at] = [new Float64Array(covered), new Int32Array(covered)]; // cells less their mean, and where they are
-  for (let i = 0, count = 0; i < cover.length; i++) {
-    if (!cover[i]) continue;
-    parts[count] = cells[i];
-    at[count++] = Math.floor(i / across) * wide + (i % across);
-  }
-  const mean = parts.reduce((sum, value) => sum + value, 0) / covered;
-  let power = 0;
-  for (let i = 0; i < covered; i++) power += (parts[i] -= mean) ** 2;
+  const covered = parts.length;
   let [best, likeliest] = [[0, 0], -Infinity];
   for (let dy = -reach; dy <= reach; dy++) {
     for (let dx = -reach; dx <= reach; dx++) {
@@ -284,7 +270,7 @@ function searched({ across, down, cells, cover, start: begin, coarse, center }, 
  * @param {Uint8Array} there written: 1 where a place is in the picture
  * @returns {number} how many are
  */
-function sample({ width, height, values: pixels }, places, motion, [cx, cy], [left, top], cell, values, there) {
+export function sample({ width, height, values: pixels }, places, motion, [cx, cy], [left, top], cell, values, there) {
   const [a, b, c, d] = matrixOf(motion);
   const [right, below] = [Math.min(1, width - 1), width * Math.min(1, height - 1)];
   let count = 0;

@@ -58,7 +58,7 @@ export class Tracker {
     this.frames = [];
   }
 
-  /** @param {{hints: object, lens: object, options: object, withViews: boolean}} given hints as of mark */
+  /** @param {{hints: object, lens: object, options: object}} given hints as of mark */
   async start(given) {
     this.running = true;
     this.#given = given;

@@ -9,7 +9,6 @@
 
 import { sentError } from "../errors.js";
 import { describe } from "../light/light.js";
-import { shadeSpheres } from "../light/spheres.js";
 import { checkObject } from "../photo/maskCheck.js";
 import { FrameLight } from "../live/frameLight.js";
 import { Newest } from "../live/newest.js";
@@ -47,15 +46,13 @@ const still = {
     return marking;
   },
 
-  /** The light, and for a page that shows them three spheres. */
-  async estimate({ picture, mask, marks, longFovDeg, isLensKnown, normals, options, withViews }) {
+  /** The light, and the seconds it took. */
+  async estimate({ picture, mask, marks, longFovDeg, isLensKnown, normals, options }) {
     const start = performance.now();
     checkObject(mask, picture.width, marks);
     const lens = { longFovDeg, isLensKnown };
     const { radiance, said, ...rest } = await lightOfStill(models, picture, lens, mask, { ...options, normals });
-    const light = { ...describe(radiance, said), ...rest };
-    const seconds = (performance.now() - start) / 1000;
-    return withViews ? { light, spheres: shadeSpheres(radiance), seconds } : { light, seconds };
+    return { light: { ...describe(radiance, said), ...rest }, seconds: (performance.now() - start) / 1000 };
   },
 };
 
@@ -65,9 +62,9 @@ let frames = null;
 
 const camera = {
   /** Follow a camera; or, in the thread of masks, find them for the one that does. */
-  open({ port, hints, longFovDeg, isLensKnown, options, withViews }) {
+  open({ port, hints, longFovDeg, isLensKnown, options }) {
     if (!hints) return hear(port);
-    const own = (lights = new FrameLight(models, masksAt(port), hints, longFovDeg, { ...options, isLensKnown }, withViews));
+    const own = (lights = new FrameLight(models, masksAt(port), hints, longFovDeg, { ...options, isLensKnown }));
     frames = new Newest(
       (given) => lightOfFrame(own, given),
       ({ frame }) => letGo(frame),

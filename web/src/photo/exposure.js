@@ -12,7 +12,7 @@ const DOUBT = CONTRACT.exposure.doubt;
  * @returns {import("../notices.js").Notice[]} one where little can be estimated
  */
 export function exposureDoubts({ width, height, rgba }, mask) {
-  const step = Math.max(1, Math.floor(Math.sqrt(covered(mask) / DOUBT.samples)));
+  const step = Math.max(1, Math.floor(Math.sqrt(mask.reduce((sum, value) => sum + value, 0) / DOUBT.samples)));
   let [count, dark, clipped] = [0, 0, 0];
   for (let y = 0; y < height; y += step) {
     for (let x = 0; x < width; x += step) {
@@ -29,10 +29,4 @@ export function exposureDoubts({ width, height, rgba }, mask) {
   if (dark / count >= DOUBT.dark_share) return doubt("object-dark", dark / count, "nearly black; little can be estimated from it; expose longer");
   if (clipped / count < DOUBT.clipped_share) return [];
   return doubt("object-clipped", clipped / count, "clipped; where its light comes from is uncertain; expose shorter");
-}
-
-function covered(mask) {
-  let sum = 0;
-  for (let i = 0; i < mask.length; i++) sum += mask[i];
-  return sum;
 }

@@ -20,12 +20,6 @@ export function focalPx(width, height, longFovDeg) {
   return Math.max(width, height) / 2 / Math.tan((longFovDeg * RADIANS) / 2);
 }
 
-/** Direction, camera frame, through the point x, y of a pinhole picture; not of unit length. */
-export function pixelDirection([x, y], width, height, longFovDeg) {
-  const focal = focalPx(width, height, longFovDeg);
-  return [(x - width / 2) / focal, -(y - height / 2) / focal, -1];
-}
-
 /**
  * The lens of a picture: as the options say, as its file notes it, else a phone's.
  *

@@ -11,14 +11,6 @@ import { takeTexture, upright } from "./textures.js";
 const LONG_PX = 1600;
 
 /**
- * @typedef {object} CameraTexture a texture of WebGL, such as XRWebGLBinding.getCameraImage gives of an XRFrame's view
- * @property {WebGL2RenderingContext} gl
- * @property {WebGLTexture} texture
- * @property {number} width
- * @property {number} height
- */
-
-/**
  * Pixels of a picture, shrunk to a longer side of 1600.
  *
  * @param {import("../../types/index.d.ts").ImageSource} source

@@ -11,7 +11,7 @@ const POLL_MS = 2;
 /**
  * Begin at once, as a camera's texture holds its picture during one callback alone.
  *
- * @param {import("./source.js").CameraTexture} source
+ * @param {import("../../types/index.d.ts").CameraTexture} source
  * @param {number} longPx longer side of the copy
  * @param {ArrayBuffer[]} [spares] memory of earlier copies
  * @returns {Promise<{frame: object, transfer: object[]}>} frame is {width, height, format, bytes}, its first row the lowest

@@ -1,10 +1,10 @@
 /** Three spheres under a map: matt, silver, mirror. Seen along -Z by an orthographic camera. */
 
-import { displayByte } from "../core/response.js";
-import { MAP_HEIGHT } from "../core/latlong.js";
-import { halve } from "./environment.js";
-import { blurCosinePower } from "./filtering.js";
-import { lookupOf, readMap } from "./lookup.js";
+import { displayByte } from "../../src/core/response.js";
+import { MAP_HEIGHT } from "../../src/core/latlong.js";
+import { halve } from "../../src/light/environment.js";
+import { blurCosinePower } from "../../src/light/filtering.js";
+import { lookupOf, readMap } from "../../src/light/lookup.js";
 
 export const SPHERE_SIZE = 96;
 export const SPHERE_NAMES = ["matte", "silver", "mirror"];
