@@ -24,9 +24,6 @@ MOST_POSES = 50_000
 MAX_BYTES = 64 * 2**20
 """Longest file of poses."""
 
-LENS_KEYS = ("fl_x", "fl_y", "w", "h", "camera_angle_x", "camera_angle_y")
-"""Keys of a lens."""
-
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Lens:
@@ -141,14 +138,8 @@ def parse_poses(data: bytes, file: str) -> Poses:
         raise InputError('expected a "file_path" in each of the "frames", got one without; name its photo', source=file)
     names = tuple(bare_name(path) for path in paths)
     rotations = np.array([_rotation(file, name, one) for name, one in zip(names, frames, strict=True)])
-    common = _lens_keys(content)
-    lenses = tuple(_lens(file, common | _lens_keys(one)) for one in frames)
+    lenses = tuple(_lens(file, content | one) for one in frames)  # an entry's own before the whole file's
     return Poses(file=file, world_from_camera=rotations, names=names, lenses=lenses)
-
-
-def _lens_keys(entry: dict[str, Any]) -> dict[str, Any]:
-    """Return the keys of a lens in an entry of the file."""
-    return {key: entry[key] for key in LENS_KEYS if key in entry}
 
 
 def _lens(file: str, given: dict[str, Any]) -> Lens:
