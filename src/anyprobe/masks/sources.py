@@ -29,9 +29,6 @@ CUT_AWAY = contract("mask")["alpha_cuts_at"]
 BLACK, WHITE = contract("mask")["file"]["black"], contract("mask")["file"]["white"]
 """Largest brightness in a mask file that counts as 0, and smallest that counts as 1."""
 
-STRIP_ROWS = 256
-"""Number of rows of a large picture that are processed at once."""
-
 
 def mask_from_alpha(alpha: np.ndarray | None, found_in: str = "") -> np.ndarray | None:
     """Return a picture's alpha channel [H, W] as the mask; None where it is absent or marks no object.
@@ -90,12 +87,11 @@ def _read(source: MaskPicture) -> tuple[np.ndarray, np.ndarray | None, str]:
 
 
 def _brightness(rgb: np.ndarray) -> np.ndarray:
-    """Return the brightness [H, W] of display values [H, W, 3], its outer tenths flattened; a few rows at a time."""
-    brightness = np.empty(rgb.shape[:2], np.float32)
-    for top in range(0, len(rgb), STRIP_ROWS):
-        rows = slice(top, top + STRIP_ROWS)
-        brightness[rows] = np.clip((rgb[rows].max(axis=-1) - BLACK) / (WHITE - BLACK), 0.0, 1.0)
-    return brightness
+    """Return the brightness [H, W] of display values [H, W, 3], its outer tenths flattened, in place."""
+    brightness = rgb.max(axis=-1)
+    brightness -= BLACK
+    brightness /= WHITE - BLACK
+    return np.clip(brightness, 0.0, 1.0, out=brightness)
 
 
 def _read_exr(source: str | os.PathLike[str] | bytes, name: str) -> tuple[np.ndarray, np.ndarray | None]:

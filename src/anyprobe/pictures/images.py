@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import io
 import os
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -147,16 +146,10 @@ def png_bytes(picture: np.ndarray, **settings: Any) -> bytes:
 
 
 def picture_bytes(image: np.ndarray) -> np.ndarray:
-    """Convert display values as to_bytes does; large pictures a few rows at a time, to fit the processor's caches."""
-    if image.size <= MANY_VALUES:
-        return to_bytes(image)
+    """Convert display values as to_bytes does, a few rows at a time, to fit the processor's caches."""
     result = np.empty(image.shape, np.uint8)
-
-    def convert(top: int) -> None:
+    for top in range(0, len(image), STRIP_ROWS):
         result[top : top + STRIP_ROWS] = to_bytes(image[top : top + STRIP_ROWS])
-
-    with ThreadPoolExecutor(2) as pool:
-        list(pool.map(convert, range(0, len(image), STRIP_ROWS)))
     return result
 
 

@@ -19,7 +19,7 @@ from anyprobe.estimate.sidecar import export_settings, read_rotation
 from anyprobe.maps.radiance import read_radiance
 from anyprobe.notices import leave_out
 from anyprobe.pictures.declared_size import declared_pixels
-from anyprobe.pictures.images import read_image
+from anyprobe.pictures.images import picture_bytes, read_image
 from anyprobe.serve.answers import mask_json, mask_png, png, zip_folder
 from anyprobe.serve.limits import MAX_MAP_ROWS, MAX_PANORAMA_PIXELS, MAX_SENT_SIDECAR_BYTES, QUICK_BYTES
 from anyprobe.session import Shot
@@ -77,12 +77,8 @@ def upright(shot: Shot, max_pixels: int) -> tuple[bytes, float | None]:
     _check_pixels(pictures(shot), max_pixels)
     assert isinstance(shot.source, bytes)  # as all that is sent
     pixels = read_image(shot.source, "photo")
-    layers = [pixels.rgb] if pixels.alpha is None else [pixels.rgb, pixels.alpha[..., None]]
-    picture = np.empty((*pixels.rgb.shape[:2], 2 + len(layers)), np.uint8)
-    for rows in np.array_split(np.arange(len(picture)), max(1, picture.size // 2**22)):
-        both = np.concatenate([layer[rows[0] : rows[-1] + 1] for layer in layers], axis=-1)
-        picture[rows[0] : rows[-1] + 1] = np.round(both * 255)
-    image, fov_deg = Image.fromarray(picture), pixels.long_fov_deg
+    layers = [pixels.rgb] if pixels.alpha is None else [pixels.rgb, pixels.alpha]
+    image, fov_deg = Image.fromarray(np.dstack([picture_bytes(layer) for layer in layers])), pixels.long_fov_deg
     del pixels, layers
     image.thumbnail((PAGE_LONG_PX, PAGE_LONG_PX), Image.Resampling.LANCZOS)
     return png(np.asarray(image)), fov_deg
