@@ -14,6 +14,9 @@ REC709 = (0.2126, 0.7152, 0.0722)
 REC709_CHROMATICITIES = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
 """CIE x, y of red, green, blue and white (D65)."""
 
+XYZ_CHROMATICITIES = (1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1 / 3, 1 / 3)
+"""The same of files whose red, green and blue hold CIE X, Y, Z."""
+
 COLORSPACES = {"rec709": REC709_CHROMATICITIES, "acescg": (0.713, 0.293, 0.165, 0.830, 0.128, 0.044, 0.32168, 0.33767)}
 """Linear colour spaces of light in files, by CIE x, y of red, green, blue and white; ACEScg's primaries are AP1."""
 

@@ -85,7 +85,7 @@ def measure(
     height = radiance.shape[0]
     n, known = _twice(normals)
     wo = pixel_rays(tan_half, len(image))
-    seen = known & (image[..., 3] > 0.99) & (dot(n, wo)[..., 0] > MIRROR_STEEP)
+    seen = known & (image[..., 3] > INSIDE) & (dot(n, wo)[..., 0] > MIRROR_STEEP)
     wi = reflect(wo, n)
     angles = None if mirrored is None else _solid_angles(wi, known)[seen]
     n, wo, wi, display = n[seen], wo[seen], wi[seen], image[seen][:, :3]

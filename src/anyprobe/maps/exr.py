@@ -13,7 +13,13 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
-from anyprobe.core.color import REC709_CHROMATICITIES, rec709_from_rgb, xyz_from_rgb
+from anyprobe.core.color import (
+    REC709_CHROMATICITIES,
+    SAME_CHROMATICITIES,
+    XYZ_CHROMATICITIES,
+    rec709_from_rgb,
+    xyz_from_rgb,
+)
 from anyprobe.errors import InputError
 from anyprobe.files.paths import open_regular
 from anyprobe.maps.image_io import encode_image, open_image, read_pixels
@@ -34,10 +40,6 @@ WHOLE_LAYERS = ("combined", "beauty", "rgba", "composite")
 """Lower-case names of layers that hold the whole picture, in files of Blender and other renderers."""
 
 WRITTEN_OUT = {"red": "R", "green": "G", "blue": "B", "alpha": "A"}
-
-XYZ_AXES = (1.0, 0.0, 0.0, 1.0, 0.0, 0.0)
-"""CIE x, y of the primaries of a file whose R, G, B hold X, Y, Z."""
-SAME_AXES = 1e-3
 
 
 @contextmanager
@@ -162,7 +164,7 @@ def _as_rgb(
     if kind.startswith("YRYBY"):
         color = _from_chroma(color, chromaticities or REC709_CHROMATICITIES, name, fault)
     if kind.startswith("XYZ"):
-        chromaticities = (*XYZ_AXES, 1 / 3, 1 / 3)
+        chromaticities = XYZ_CHROMATICITIES
     if rec709 and chromaticities is not None:
         color = to_rec709(color, chromaticities, name, fault, adapts=not _are_xyz(chromaticities))
     return np.concatenate([np.broadcast_to(color, (*color.shape[:2], 3)), alpha], axis=-1)
@@ -206,7 +208,8 @@ def in_display(pixels: np.ndarray, spec: ImageSpec) -> np.ndarray:
 def _are_xyz(chromaticities: Any) -> bool:
     """Return whether R, G, B hold CIE X, Y, Z; these say which light there is, and need no adaptation."""
     axes = np.atleast_1d(chromaticities)[:6]
-    return axes.dtype.kind == "f" and axes.shape == (6,) and np.allclose(axes, XYZ_AXES, rtol=0.0, atol=SAME_AXES)
+    is_six = axes.dtype.kind == "f" and axes.shape == (6,)
+    return is_six and np.allclose(axes, XYZ_CHROMATICITIES[:6], rtol=0.0, atol=SAME_CHROMATICITIES)
 
 
 def to_rec709(

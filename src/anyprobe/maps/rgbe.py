@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anyprobe.core.color import REC709_CHROMATICITIES
+from anyprobe.core.color import REC709_CHROMATICITIES, XYZ_CHROMATICITIES
 from anyprobe.errors import InvalidEnvironment
 
 HDR_MAGIC = b"#?"
@@ -26,8 +26,6 @@ RGBE_MAX = 255.0 * 2.0**119
 COMMENT_WIDTH = 72
 """Largest number of characters of an attribute's value in one line of a header."""
 
-XYZ = (1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1 / 3, 1 / 3)
-"""PRIMARIES of a file in CIE XYZ."""
 _FORMATS = (b"32-bit_rle_rgbe", b"32-bit_rle_xyze")
 
 UNSTATED = (0.0,) * 8
@@ -91,7 +89,7 @@ def read_header(data: bytes, name: str, max_pixels: int) -> HdrHeader:
     if form not in _FORMATS:
         raise InvalidEnvironment(f"expected FORMAT=32-bit_rle_rgbe, got {_shown(form)}; save it as RGBE", source=name)
     if primaries == UNSTATED or form != _FORMATS[0]:
-        primaries = REC709_CHROMATICITIES if form == _FORMATS[0] else XYZ
+        primaries = REC709_CHROMATICITIES if form == _FORMATS[0] else XYZ_CHROMATICITIES
     if not (np.isfinite(exposure) & (exposure > 0.0)).all():
         raise InvalidEnvironment("expected EXPOSURE to be a number > 0; repair the header", source=name)
     line, _, _ = data[blank.end() : HDR_HEADER_BYTES].partition(b"\n")

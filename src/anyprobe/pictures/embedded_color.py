@@ -18,9 +18,7 @@ from anyprobe.maps.image_io import open_image
 from anyprobe.pictures.color_encoding import ADOBE_RGB, ColorEncoding, by_code_points, by_numbers, is_srgb, to_display
 from anyprobe.pictures.file_parts import iso_boxes
 from anyprobe.pictures.icc import converted, encoding_of
-
-BOX_BYTES = 1 << 20
-"""Number of bytes at the start of an AVIF that are searched."""
+from anyprobe.pictures.raw import HEAD_BYTES
 
 USUAL_GAMMA = 1 / 2.2
 """PNG gamma by which most programs mean sRGB."""
@@ -147,7 +145,7 @@ def _nclx(stream: BinaryIO) -> tuple[int, int, bool, int] | None:
     """Return the code points of an AVIF's first nclx property, None without one; the decoder handles the range."""
     place = stream.tell()
     stream.seek(0)
-    data = stream.read(BOX_BYTES)
+    data = stream.read(HEAD_BYTES)
     stream.seek(place)
     span = (0, len(data))
     try:

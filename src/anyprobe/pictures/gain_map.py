@@ -37,7 +37,7 @@ MAX_MAP_PIXELS = 50_000_000
 ASPECT_TOLERANCE = 0.1
 """Largest relative difference between the aspect ratios of a map and its picture; a map that is turned differs more."""
 MOST_STOPS = 16.0
-"""Largest gain [stops], in either direction, that is believed."""
+"""Largest gain [stops], in either direction, that is believed, and that is written; more is clipped."""
 
 COMMON_DENOMINATOR, MULTICHANNEL = 0x08, 0x80
 """Flags of ISO 21496-1."""

@@ -28,7 +28,7 @@ MOSAIC, LINEAR_RAW = 32803, 34892
 """Photometric interpretations of DNG and TIFF/EP: colour filter array, and linear colour."""
 
 HEAD_BYTES = 1 << 20
-"""Number of bytes at the start of a TIFF in which its first directory is looked for."""
+"""Number of bytes at the start of a file in which a TIFF's first directory, or an AVIF's boxes, are looked for."""
 
 
 def is_raw(head: bytes, name: str) -> bool:

@@ -19,11 +19,10 @@ from anyprobe.core.color import to_bytes
 from anyprobe.files.atomic import atomic_path
 from anyprobe.pictures.color_encoding import linear_to_srgb
 from anyprobe.pictures.file_parts import XMP
+from anyprobe.pictures.gain_map import MOST_STOPS
 
 QUALITY, GAIN_QUALITY = 95, 98
 """Qualities of both JPEG pictures."""
-MOST_STOPS = 16.0
-"""Largest range [stops] of a gain map; more is clipped."""
 LEAST_STOPS = 1.0
 _NAMES = (
     'xmlns:x="adobe:ns:meta/"',
