@@ -74,6 +74,13 @@ def test_halves_floats_and_whole_numbers(kinds):
     np.testing.assert_array_equal(read(exr(channels)), pixels)
 
 
+def test_numbers_of_cryptomatte_are_no_colours():
+    numbers = named(RGB, [f"ViewLayer.CryptoObject00.{c}" for c in "rgb"])
+    with refused(naming="CryptoObject00"):
+        read(exr(numbers))
+    np.testing.assert_array_equal(read(exr(numbers | named(1 - RGB, [f"beauty_2.{c}" for c in "RGB"]))), 1 - RGB)
+
+
 @pytest.mark.parametrize("grey", [{"Y": ALPHA}, {"Y": ALPHA, "A": ALPHA}])
 def test_luminance_alone_is_grey(grey):
     found = read(exr(grey))

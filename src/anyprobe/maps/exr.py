@@ -143,7 +143,10 @@ def _color_channels(names: Sequence[str]) -> dict[str, int]:
     plain = _colors_of(layers.pop("", {}), ("RGB", "XYZ", ("Y", "RY", "BY"), "Y"))
     if plain:
         return plain
-    found = {layer: colors for layer, one in layers.items() if (colors := _colors_of(one, ("RGB",)))}
+    pictures = {
+        layer: one for layer, one in layers.items() if "crypto" not in layer.lower()
+    }  # Cryptomatte's are numbers
+    found = {layer: colors for layer, one in pictures.items() if (colors := _colors_of(one, ("RGB",)))}
     whole = [layer for layer in found if layer.rpartition(".")[2].lower() in WHOLE_LAYERS] or list(found)
     return found[whole[0]] if len(whole) == 1 else {}
 
