@@ -240,6 +240,14 @@ def test_without_room_it_is_refused():
         standing_by(mask)
 
 
+def test_a_horizon_within_the_border_leaves_no_room():
+    """The real object's base is hardly below it, and lower than all that may be stood on."""
+    mask = np.zeros((HEIGHT, WIDTH), np.float32)
+    mask[60:HEIGHT, 20:60] = 1
+    with refused("at"):
+        Stage(load_photo(np.full((HEIGHT, WIDTH, 3), 100, np.uint8), mask=mask), sphere(24), Arrangement(pitch_deg=-20))
+
+
 def test_with_little_room_it_is_small():
     mask = np.zeros((HEIGHT, WIDTH), np.float32)
     mask[20 : HEIGHT - 8, 8:212] = 1

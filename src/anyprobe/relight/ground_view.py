@@ -38,10 +38,6 @@ class View(PinholeCamera):
         """First row of the ground that is used, a little below the horizon."""
         return self.height / 2 - self.focal * float(self.up[2] / self.up[1]) + LEAST_ABOVE * self.height
 
-    def row_at_depth(self, depth: float) -> float:
-        """Return the row of the ground at this depth along the camera's axis, in the photo's middle column."""
-        return self.height / 2 + self.focal * (1 / depth - float(self.up[2])) / float(self.up[1])
-
     def on_ground(self, x, y) -> np.ndarray:
         """Return the points [..., 3] of the ground seen at x, y; NaN from the horizon upwards."""
         rays = self.rays(x, y)

@@ -159,12 +159,12 @@ class Spots:
         """Score them all; points: [P, 3] of the whole object from its foot. size: its height, in the real one's."""
         edge, sides = _MARGIN * view.width, np.array([view.width, view.height])
         x, lowest = contact_of(photo.mask)
-        row = min(lowest, view.height - edge)
+        row = max(min(lowest, view.height - edge), view.farthest_row)
         columns = (np.arange(COLUMNS) + 0.5) / COLUMNS * view.width
         shares = np.geomspace(1.0, min(SMALLEST / size, 1.0), SIZES)
         grid = np.meshgrid(shares, ROWS, columns, indexing="ij")
         self.share, self.toward, column = (one.ravel() for one in grid)
-        rows = row + self.toward * (view.height - edge - row)
+        rows = row + self.toward * max(view.height - edge - row, 0.0)
         foot_row = rows
         for _ in range(3):  # its lowest pixel is on the row
             self.foot = view.on_ground(column, np.maximum(foot_row, view.farthest_row))
