@@ -214,6 +214,14 @@ def test_a_doubtful_mask_comes_with_a_warning_that_says_what_to_do(project_root,
     assert (warning.code, warning.source) == ("mask-doubtful", "array")
 
 
+def test_a_click_that_marks_nothing_is_said(project_root):
+    rgb, mask = vase(project_root)
+    inside = tuple(np.argwhere(mask > 0.5).mean(axis=0)[::-1])
+    assert find_mask(read_image(rgb), click=[inside], segmenter="small").warnings[:-1] == ()
+    both = find_mask(read_image(rgb), click=[inside, (3.0, 100.0)], segmenter="small")
+    assert "the click at 3,100;" in both.warnings[0]
+
+
 # Given masks
 
 

@@ -31,3 +31,9 @@ test("a second click on what a camera still shows takes no look, on another thin
   const counts = [await click(30, 1, 60), await click(30, 2, 62), await click(30, 3, 180), await click(60, 4, 90)];
   assert.deepEqual(counts, [2, 0, 1, 2]);
 });
+
+test("a click that marks nothing is said", async () => {
+  const models = { sessions: { u2netp: {} }, u2netp: async (input) => input.subarray(0, input.length / 3).map((value) => (value > 0 ? 1 : 0)) };
+  const { warnings } = await findMask(models, picture(30, 1), { on: [[60, 80], [130, 20]], off: [], box: null }, () => false);
+  assert.deepEqual(warnings.map(({ text }) => text.slice(0, 46)), ["the mask does not hold the click at 130,20; re"]);
+});

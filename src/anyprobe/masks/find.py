@@ -135,6 +135,10 @@ def _judged(pixels: Pixels, prompts: Prompts, found: Finding, network: Network, 
         remedy = give("box", "click", "exclude", "mask")
         text = f"the mask {judgement}; check it"
         warnings.append(Notice(text, code="mask-doubtful", source=pixels.name, remedy=remedy))
+    for x, y in prompts.on:
+        if mask[int(y), int(x)] <= 0.5:
+            text = f"the mask does not hold the click at {x:.0f},{y:.0f}; remove it, or mark the object with a box"
+            warnings.append(Notice(text, code="mask-doubtful", source=pixels.name))
     if network.warning:
         warnings.append(as_notice(network.warning, pixels.name))
     return FoundMask(

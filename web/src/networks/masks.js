@@ -29,10 +29,15 @@ export async function findMask(models, picture, hints, isGivenUp, isKnown = fals
     const warnings = [notice("no-object", "nothing stands out there")];
     return { mask: new Float32Array(width * height), quality: 0, warnings, seconds: seconds() };
   }
-  const warnings = warningsOf(found);
+  const mask = maskOf(found, width, height);
+  const lost = hints.on.filter(([x, y]) => mask[Math.floor(y) * width + Math.floor(x)] <= 0.5);
+  const warnings = [...warningsOf(found), ...lost.map(lostClick)];
   if (network.name === "small") warnings.push(smallNetworkWarning(hints));
-  return { mask: maskOf(found, width, height), quality, warnings, seconds: seconds() };
+  return { mask, quality, warnings, seconds: seconds() };
 }
+
+const lostClick = ([x, y]) =>
+  notice("mask-doubtful", `the mask does not hold the click at ${Math.round(x)},${Math.round(y)}; remove it, or mark the object with a box`);
 
 /**
  * The masks that another thread finds, so that lights go on while it looks.
