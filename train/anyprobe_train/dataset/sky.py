@@ -33,6 +33,11 @@ def direction_at(azimuth: float, elevation: float) -> np.ndarray:
     return np.array([c * np.sin(azimuth), np.sin(elevation), -c * np.cos(azimuth)])
 
 
+def lamp_direction(rng: np.random.Generator) -> np.ndarray:
+    """Draw a direction [3] that lamps and suns come from: above the horizon or a little below."""
+    return direction_at(rng.uniform(0, 2 * np.pi), np.arcsin(rng.uniform(-0.15, 0.98)))
+
+
 def soft_cap(d: np.ndarray, centre: np.ndarray, radius: float, softness: float = 0.15) -> np.ndarray:
     """Return 1 inside a cap of the given radius [radians], falling off over softness x radius: [..., 1]."""
     angle = np.arccos(np.clip(d @ centre, -1.0, 1.0))

@@ -11,7 +11,7 @@ from anyprobe.light.environment import integral, reduced
 from anyprobe_train.dataset.catalog import normalize_map
 from anyprobe_train.dataset.lighting import add_lamp, blend_maps, move_dominant_light, turn
 from anyprobe_train.dataset.room import room
-from anyprobe_train.dataset.sky import direction_at, sky, studio, tint
+from anyprobe_train.dataset.sky import lamp_direction, sky, studio, tint
 
 CONTRAST = 0.12
 """Standard deviation of ln of the exponent that a map's radiance is raised to."""
@@ -35,7 +35,7 @@ def draw_real_light(rng: np.random.Generator, maps: Sequence[np.ndarray]) -> np.
         other = _turned(rng, maps[rng.integers(len(maps))])
         radiance = blend_maps(radiance, other, float(rng.uniform(0.2, 0.8)))
     elif rng.random() < MOVED:
-        radiance = _enlarged(move_dominant_light(reduced(radiance, MADE_ROWS), _anywhere(rng)))
+        radiance = _enlarged(move_dominant_light(reduced(radiance, MADE_ROWS), lamp_direction(rng)))
     radiance = _contrast(rng, radiance)
     if rng.random() < LAMPS:
         radiance = with_lamps(rng, radiance, int(rng.integers(1, 4)))
@@ -67,13 +67,8 @@ def with_lamps(
         radius = max(radius, 1.5 * np.pi / len(radiance))
         strength = mean * np.exp(rng.uniform(*np.log(power)))
         color = tint(rng, LAMP_TINT)
-        radiance = add_lamp(radiance, _anywhere(rng), radius, strength * color, float(rng.uniform(0.1, 1.5)))
+        radiance = add_lamp(radiance, lamp_direction(rng), radius, strength * color, float(rng.uniform(0.1, 1.5)))
     return radiance
-
-
-def _anywhere(rng: np.random.Generator) -> np.ndarray:
-    """Return a direction [3] that lamps and suns come from: above the horizon or a little below."""
-    return direction_at(rng.uniform(0, 2 * np.pi), np.arcsin(rng.uniform(-0.15, 0.98)))
 
 
 def _turned(rng: np.random.Generator, radiance: np.ndarray) -> np.ndarray:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from anyprobe.core.frames import rotation_y
-from anyprobe_train.dataset.sky import tint
+from anyprobe_train.dataset.sky import lamp_direction, tint
 from anyprobe_train.world import scene
-from anyprobe_train.world.lights import LIGHT_ROWS, Light, anywhere, with_lamp
+from anyprobe_train.world.lights import LIGHT_ROWS, Light, with_lamp
 from anyprobe_train.world.maps import Maps
 from anyprobe_train.world.scene import TracedScene
 from anyprobe_train.world.views import CELLS
@@ -314,7 +314,7 @@ def _in_the_dark(
         if rng.random() < 0.25:  # a flash, or a lamp that the photographer holds
             way = ahead / np.linalg.norm(ahead) + rng.normal(0.0, 0.15, 3)
         else:
-            way = anywhere(rng)
+            way = lamp_direction(rng)
             if number == 0 and rng.random() < 0.6 and way @ ahead < 0:  # most stand before the object
                 way = way * [-1, 1, -1]
         way = way / np.linalg.norm(way)
@@ -335,7 +335,7 @@ def _near_lamp(
 ) -> list[tuple[np.ndarray, float, np.ndarray]]:
     """Draw a lamp within a few radii, as strong as `power` times a mean sky."""
     distance, radius = (float(np.exp(rng.uniform(*np.log(b)))) for b in ((2.5, 9.0), (0.1, 0.8)))
-    place = np.array([0.0, float(view["top"]) / 2, 0.0]) + distance * anywhere(rng)
+    place = np.array([0.0, float(view["top"]) / 2, 0.0]) + distance * lamp_direction(rng)
     if place[1] < radius + 0.1 or _before(place, radius, np.array([0.0, float(view["top"]) / 2, 0.0]), eye):
         return []
     return [(place, radius, 4.0 * power / (radius / distance) ** 2 * tint(rng, 0.3))]

@@ -12,7 +12,7 @@ import numpy as np
 from anyprobe.core.color import luminance
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.light.light_sources import split_sources
-from anyprobe_train.dataset.sky import direction_at, tint
+from anyprobe_train.dataset.sky import lamp_direction, tint
 from anyprobe_train.world.maps import Maps
 from anyprobe_train.world.march import compiled
 
@@ -233,23 +233,18 @@ def draw_light(rng: np.random.Generator, maps: Maps, kind: str) -> Light:
         light = make_light(radiance, outdoors, name)
         radiance = light.sky[len(light.sky) // 2 :][: 2 * LIGHT_ROWS**2].reshape(LIGHT_ROWS, 2 * LIGHT_ROWS, 3).copy()
         for radius, power in zip(light.radius, light.power, strict=True):
-            _add(rng, radiance, anywhere(rng), float(radius), power)
+            _add(rng, radiance, lamp_direction(rng), float(radius), power)
     elif rng.random() < LAMPS * (0.6 if kind == "ground" else 1.0):
         for _ in range(1 if kind == "ground" else rng.integers(1, 4)):
             radius = np.radians(np.exp(rng.uniform(*np.log(LAMP_DEG))))
             power = 4 * np.pi * np.exp(rng.uniform(*np.log(LAMP_POWER))) * tint(rng, LAMP_TINT)
-            _add(rng, radiance, anywhere(rng), float(radius), power)
+            _add(rng, radiance, lamp_direction(rng), float(radius), power)
     return make_light(radiance, outdoors, name)
 
 
 def _dark(rng: np.random.Generator, room: np.ndarray) -> np.ndarray:
     """Return what is left of a room's own light."""
     return np.maximum(room * np.float32(np.exp(rng.uniform(np.log(1e-4), np.log(0.08)))), 1e-6)
-
-
-def anywhere(rng: np.random.Generator) -> np.ndarray:
-    """Return a direction [3] that lamps and suns come from: above the horizon or a little below."""
-    return direction_at(rng.uniform(0, 2 * np.pi), np.arcsin(rng.uniform(-0.15, 0.98)))
 
 
 def _add(rng: np.random.Generator, radiance: np.ndarray, way: np.ndarray, radius: float, power: np.ndarray) -> None:
