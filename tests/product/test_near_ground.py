@@ -23,7 +23,7 @@ def stage() -> Stage:
     y, x = np.mgrid[:192, :256]
     mask = ((x - 80) ** 2 + (y - 90) ** 2 < 40**2).astype(np.float32)
     picture = np.where(mask[..., None] > 0, (200, 120, 60), (150, 150, 150)).astype(np.uint8)
-    return Stage(load_photo(picture, mask=mask), sphere(48), Arrangement(size=1.0, at=(170, 127.5), pitch_deg=12.0))
+    return Stage(load_photo(picture, mask=mask), sphere(48), Arrangement(size=1.0, at=(190, 127.5), pitch_deg=12.0))
 
 
 @pytest.fixture(scope="module")

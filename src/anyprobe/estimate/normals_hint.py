@@ -176,12 +176,13 @@ def _read(source: NormalsSource) -> tuple[np.ndarray, str, bool]:
         start = stream.read(len(NPY_MAGIC))
     if start.startswith(EXR_MAGIC):
         return read_exr(path, path.name, InputError, MAX_PIXELS)[..., :3], path.name, False
-    if start != NPY_MAGIC:
+    if start != NPY_MAGIC and path.suffix.lower() != ".npy":
         return _decoded(path, path.name)
     try:
-        values = np.load(path, allow_pickle=False)
+        values = np.load(path, allow_pickle=False)[:]
     except Exception as error:  # its headers are parsed as Python, which fails in every way
-        raise InputError("expected an array in a .npy file, got a damaged one", source=path.name) from error
+        text = "expected one array in a .npy file, got several, or a damaged file"
+        raise InputError(text, source=path.name) from error
     return _decoded(values, path.name)
 
 
