@@ -179,7 +179,8 @@ def _read(source: NormalsSource) -> tuple[np.ndarray, str, bool]:
     if start != NPY_MAGIC and path.suffix.lower() != ".npy":
         return _decoded(path, path.name)
     try:
-        values = np.load(path, allow_pickle=False)[:]
+        with path.open("rb") as stream:
+            values = np.load(stream, allow_pickle=False)[:]
     except Exception as error:  # its headers are parsed as Python, which fails in every way
         text = "expected one array in a .npy file, got several, or a damaged file"
         raise InputError(text, source=path.name) from error
