@@ -73,6 +73,7 @@ def test_moved_emitter_is_followed_within_half_a_second(rng, fps, still_before_s
     assert np.linalg.norm(shown - right) < 0.1 * np.linalg.norm(left - right)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("fps", [15, 24, 30])
 def test_nothing_of_before_lingers_after_a_jump_that_noise_soon_hides(rng, fps):
     """All of the light is a third brighter from one frame to the next: six times the noise of a frame."""
@@ -121,6 +122,7 @@ def test_cut_starts_anew_at_its_second_frame():
     assert states[31].soft.age_s == 0
 
 
+@pytest.mark.ci
 def test_light_sources_that_tremble_keep_their_power(rng):
     """Each frame has the lamp, 8 degrees across, up to 5 degrees from its place: what is shown is as bright in all."""
     d, areas = pixel_directions(64), pixel_solid_angles(64)[..., None]
@@ -275,6 +277,7 @@ def test_a_wide_source_turns_as_one():
     assert all(len(state.sources) == 1 for state in states)
 
 
+@pytest.mark.ci
 def test_the_light_stays_while_the_object_looks_the_same(rng):
     """Estimates are elsewhere from then on: what is shown turns slowly, and not at all in the first half second."""
     other = rotation_y(np.radians(90)) @ SUN

@@ -42,6 +42,7 @@ def test_a_sharp_photo_without_grain_leaves_the_object_as_it_is():
     assert blurred(drawn, look) is drawn
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("grain", [0.005, 0.03])
 def test_grain_is_measured_where_nothing_else_is(grain):
     assert look_of(photo_of(0.6, 1.0, grain)).grain == pytest.approx(grain, rel=0.3)

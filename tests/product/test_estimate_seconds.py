@@ -27,6 +27,7 @@ def slow_masks(monkeypatch) -> None:
     monkeypatch.setattr(photo_module, "find_mask", slowly)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("count", [1, 2])
 def test_the_command_counts_from_the_photo_s_opening(work, command, photo_path, count):
     files = [photo_path, work / "other.png"][:count]

@@ -144,6 +144,7 @@ def photo_of(radiance: np.ndarray, material: Material, tan_half: float = 0.1) ->
     return image.repeat(2, axis=0).repeat(2, axis=1), picture
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("name", ["matte", "plastic", "chrome"])
 def test_the_gain_that_was_taken_away_is_found(name):
     """A map too dark by a gain a channel: the known material tells the gain."""

@@ -82,6 +82,7 @@ def test_a_panorama_from_a_file_is_of_the_first_camera(estimator):
     assert np.abs(response(light.radiance) - response(first)).mean() < 0.01
 
 
+@pytest.mark.ci
 def test_the_command_gathers_what_photos_show(command, tmp_path):
     names = []
     for k, pose in enumerate(POSES):

@@ -81,6 +81,7 @@ def test_nothing_stands_where_no_object_is_marked(stage):
     assert real_body(photo, stage.view, stage.placement) is None
 
 
+@pytest.mark.ci
 def test_ground_in_the_real_objects_shade_gets_no_second_shadow(stage, body):
     spot = stage.placement
     away = body.positions.mean(axis=0) - spot.foot

@@ -116,6 +116,7 @@ def test_mask_shows_what_the_estimate_uses(client, photo, photo_mask):
     assert (given["source"], given["confidence"]) == ("alpha", None)
 
 
+@pytest.mark.ci
 def test_what_is_known_reaches_the_estimate(client, estimator, photo, photo_rgba):
     normals = np.full((*photo_rgba.shape[:2], 3), (128, 128, 255), np.uint8)  # all of it faces the camera
     given = {"material": "plastic", "albedo": "0.2,0.3,0.4"}
@@ -319,6 +320,7 @@ def test_who_leaves_ends_the_work(decode):
 # Who may ask
 
 
+@pytest.mark.ci
 def test_a_token_is_asked_for_by_all_but_the_health(estimator, photo):
     with TestClient(create_app(estimator, token="secret-secret"), base_url="https://testserver") as client:
         assert client.get("/healthz").status_code == 200
