@@ -436,6 +436,8 @@ def test_names_and_folder_are_checked_before_the_work(work, command, name, monke
         (("export", "a.exr"), "--to: expected any of three, blender,"),
         (("export", "a.exr", "--to", "maya"), "--to: expected any of three, blender,"),
         (("relight", "folder", "-o", "x"), "PHOTO folder: is a folder; name one photo"),
+        (("mask", ""), "expected a path or a value, got an empty one"),
+        (("estimate", "a.png", "--mask", ""), "expected a path or a value, got an empty one"),
     ],
 )
 def test_what_is_refused_is_said_in_one_line_by_the_option(work, command, words, said):

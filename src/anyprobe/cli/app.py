@@ -72,6 +72,8 @@ def main(command: App | Callable[..., None] = app) -> None:
         function, command = command, new_app(command.__doc__)
         command.default(function)
     words = ["./-" if word == "-" else word for word in sys.argv[1:]]  # a - alone is a file, no option
+    if "" in words:  # Path would take it for the current folder
+        _fail("expected a path or a value, got an empty one; leave it out, or set the variable that it comes from")
     try:
         with quiet_libraries():
             if words[:1] in ([], ["-h"], ["--help"]):  # it lists them all
