@@ -15,13 +15,16 @@ import numpy as np
 import OpenEXR
 import pytest
 from PIL import Image
+from rich.console import Console
 from support.folders import names, snapshot
 from support.scenes import sphere_photo
 
 import anyprobe
 from anyprobe.cli.app import app
+from anyprobe.cli.estimate import Done, _report
 from anyprobe.files import atomic
 from anyprobe.maps.radiance import read_radiance
+from anyprobe.notices import Notice
 
 SUFFIXES = {".exr", ".hdr", ".json", ".png", "_panorama.exr", "_origin.png"}
 pytestmark = pytest.mark.usefixtures("small_masks")
@@ -118,6 +121,17 @@ def test_quiet_says_nothing_but_errors(work, command):
 
 
 # Several photos
+
+
+def test_what_is_doubted_of_several_photos_is_one_line(capsys):
+    def done(name: str) -> Done:
+        doubts = Notice("no field of view", source=name), Notice("dark", source=f"{name[0]}.png"), Notice("all")
+        return Done(photo=Path(name), stem=name, cells=("", "", ""), warnings=doubts)
+
+    stems = [f"{letter}{number}" for letter in "ab" for number in range(40)]
+    _report([done(name) for name in stems], Console(stderr=True, width=300), Path("out"))
+    said = [line for line in capsys.readouterr().err.splitlines() if line.startswith("warning: ")]
+    assert said == ["warning: 80 photos: no field of view", "warning: a.png, b.png: dark", "warning: all"]
 
 
 @pytest.mark.ci

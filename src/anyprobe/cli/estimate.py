@@ -25,6 +25,7 @@ from anyprobe.errors import AnyprobeError, InputError, InvalidPhoto
 from anyprobe.files.atomic import check_folder
 from anyprobe.files.paths import open_regular
 from anyprobe.inputs.hints import Hints
+from anyprobe.notices import Notice, as_notice
 from anyprobe.place.panorama import check_rows
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
 
 
 MOST_NAMED = 20
-"""Most photos whose results' names are printed."""
+"""Most photos that are named: whose results are, or that a warning is about."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -211,8 +212,12 @@ def _report(results: list[Done], console: Console, out: Path) -> None:
         stem = "<stem>" if stems else written[0]
         files = ", ".join(f"{stem}{suffix}" for suffix in session.PICTURED.values())
         console.print(f"results: {out / files}{stems}", soft_wrap=True)
-    for warning in dict.fromkeys(line for result in results for line in result.warnings):
-        console.print(f"warning: {options.OPTIONS.line(warning)}", soft_wrap=True)
+    said: dict[Notice, dict[str, None]] = {}
+    for warning in map(as_notice, chain.from_iterable(result.warnings for result in results)):
+        said.setdefault(warning.of(""), {})[warning.source] = None
+    for warning, names in said.items():
+        about = f"{len(names)} photos" if len(names) > MOST_NAMED else ", ".join(names)
+        console.print(f"warning: {options.OPTIONS.line(warning.of(about))}", soft_wrap=True)
 
 
 def _some(names: list[str]) -> str:
