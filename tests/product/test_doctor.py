@@ -28,7 +28,7 @@ def test_doctor_prints_versions_providers_and_hashes(command, monkeypatch):
         assert f"{package} {importlib.metadata.version(package)}".lower() in packages
     (providers,) = (line for line in lines if line.startswith("providers "))
     for provider in onnxruntime.get_available_providers():
-        assert provider in providers
+        assert (provider in providers) == (provider != "AzureExecutionProvider")  # which asks a server
     for stage, digest in file_hashes(DEFAULT_MODEL).items():
         assert f"model {DEFAULT_MODEL}/{stage} sha256 {digest}" in lines
     assert lines[-2:] == ["self-test: dominant light 4 degrees off, 123 ms a photo", "OK"]

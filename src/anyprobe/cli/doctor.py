@@ -24,14 +24,14 @@ def doctor(*, model: ModelOption = DEFAULT_MODEL) -> None:
     Prints versions and model hashes, and estimates the light of a rendered sphere.
     """
     from anyprobe.estimate.runtime import file_hashes
-    from anyprobe.files.graphs import onnxruntime
+    from anyprobe.files.graphs import local_providers
 
     console = Console(markup=False, emoji=False, highlight=False)
     console.print(f"python {platform.python_version()} on {platform.system()} {platform.machine()}")
     console.print(f"anyprobe {__version__}")
     for extra, packages in packages_by_extra().items():
         console.print(_installed(extra, packages), soft_wrap=True)
-    console.print(f"providers {', '.join(onnxruntime.get_available_providers())}")
+    console.print(f"providers {', '.join(local_providers())}")
     for stage, digest in file_hashes(model).items():
         console.print(f"model {model}/{stage} sha256 {digest}")
     console.print(mask_network(), soft_wrap=True)

@@ -33,6 +33,11 @@ CPU = ("CPUExecutionProvider",)
 """Providers of ONNX Runtime that every machine has."""
 
 
+def local_providers() -> list[str]:
+    """Return the providers of ONNX Runtime that compute here; Azure's asks a server."""
+    return [one for one in onnxruntime.get_available_providers() if one != "AzureExecutionProvider"]
+
+
 def open_graph(path: Path, threads: int | None = None, providers: Sequence[str] = CPU) -> onnxruntime.InferenceSession:
     """Open a session, safe to share between threads.
 
@@ -49,7 +54,7 @@ def open_graph(path: Path, threads: int | None = None, providers: Sequence[str] 
         InputError: a provider that this installation lacks, or that cannot work on this machine.
         ModelError: it cannot be read.
     """
-    installed = onnxruntime.get_available_providers()
+    installed = local_providers()
     if absent := [one for one in providers if one not in installed]:
         raise InputError(f"expected some of {', '.join(installed)}, got {absent[0]!r}", subject="providers")
     options = onnxruntime.SessionOptions()
