@@ -289,6 +289,19 @@ def test_what_cannot_be_used_is_one_line_that_names_the_file(tmp_path, name, cap
     assert capfd.readouterr().out == ""
 
 
+@pytest.mark.parametrize(
+    ("reader", "name", "data", "said"),
+    [
+        (MESH, "a.glb", b"glTF" + struct.pack("<4I", 1, 200, 100, 0) + bytes(200), "expected glTF 2, got version 1; "),
+        (PHOTO, "a.jpg", saved(NOISE, "JPEG").replace(b"\n", b"\r\n"), "expected a JPEG as it was saved, got "),
+    ],
+)
+def test_what_happened_to_a_file_is_said(tmp_path, reader, name, data, said):
+    (tmp_path / name).write_bytes(data)
+    with pytest.raises(reader.error, match=f"^{name}: {said}"):
+        reader.read(tmp_path / name)
+
+
 @pytest.mark.parametrize("reader", [PHOTO, MAP, MESH, DEPTH, NORMALS])
 @pytest.mark.parametrize("place", ["absent", "folder"])
 def test_what_is_not_there_is_one_line(tmp_path, reader, place):

@@ -41,10 +41,8 @@ def read_mesh(path: str | Path) -> Mesh:
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix not in MESH_SUFFIXES and not path.is_dir():
-        raise InvalidMesh(
-            f"expected a mesh in {', '.join(MESH_SUFFIXES)}, got {suffix or 'no suffix'}; export it again",
-            source=path.name,
-        )
+        text = f"expected a mesh in {', '.join(MESH_SUFFIXES)}, got {suffix or 'no suffix'}; export it again"
+        raise InvalidMesh(text, source=path.name)
     data = read_regular(path, path.name, InvalidMesh, "a mesh file")
     declared = _check_header(data, suffix, path.name)
     parts = _read_parts(data, suffix, path.name)
@@ -52,11 +50,8 @@ def read_mesh(path: str | Path) -> Mesh:
         raise InvalidMesh("expected triangles, got none; check the file", source=path.name)
     positions, faces = put_together(parts)
     if declared is not None and len(faces) < declared:
-        raise InvalidMesh(
-            f"expected {declared:,} faces as its header says, got {len(faces):,}; "
-            "the file may be truncated: copy or export it again",
-            source=path.name,
-        )
+        text = f"expected {declared:,} faces as its header says, got {len(faces):,}; the file may be truncated"
+        raise InvalidMesh(f"{text}: copy or export it again", source=path.name)
     check_triangles(positions, faces, path.name)
     used = np.zeros(len(positions), dtype=bool)
     used[faces] = True  # drop stray vertices, which would make the object a dot
@@ -80,17 +75,17 @@ def _check_header(data: bytes, suffix: str, name: str) -> int | None:
         words = re.sub(rb"#[^\n]*", b"", start[:4096]).split()[:3]
         faces = int(words[2]) if len(words) == 3 and words[2].isdigit() else None
     elif suffix == ".glb" and start[:4] == b"glTF":
-        full_size = int.from_bytes(start[8:12], "little")
+        version, full_size = (int.from_bytes(start[at : at + 4], "little") for at in (4, 8))
+        if version != 2:
+            raise InvalidMesh(f"expected glTF 2, got version {version}; export it again as glTF 2", source=name)
     elif suffix == ".stl" and start[:5].lower() != b"solid" and size >= 84:
         faces = int.from_bytes(start[80:84], "little")
         full_size = 84 + 50 * faces
     if faces is not None and faces > MAX_FACES:
         raise InvalidMesh(f"expected at most {MAX_FACES:,} faces, got {faces:,}; decimate it first", source=name)
     if size < full_size:
-        raise InvalidMesh(
-            f"expected {full_size:,} bytes as its header says, got {size:,}; the file is truncated: copy it again",
-            source=name,
-        )
+        text = f"expected {full_size:,} bytes as its header says, got {size:,}; the file is truncated: copy it again"
+        raise InvalidMesh(text, source=name)
     return faces
 
 
@@ -119,14 +114,10 @@ def _read_parts(data: bytes, suffix: str, name: str) -> list[tuple[np.ndarray, n
         raise
     except Exception as error:  # trimesh raises whatever its parsers raise
         reason = " ".join(str(error).split())[:120] or type(error).__name__
+        text = f"expected a readable {suffix[1:].upper()} file, got {reason}; export it again"
         if suffix == ".ply" and "unexpected length" in reason:
-            raise InvalidMesh(
-                "expected polygons of one kind in a binary PLY, got several, or a truncated file; export triangles",
-                source=name,
-            ) from error
-        raise InvalidMesh(
-            f"expected a readable {suffix[1:].upper()} file, got {reason}; export it again", source=name
-        ) from error
+            text = "expected polygons of one kind in a binary PLY, got several, or a truncated file; export triangles"
+        raise InvalidMesh(text, source=name) from error
 
 
 def _counted_from_one(data: bytes) -> bytes:

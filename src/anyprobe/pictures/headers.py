@@ -110,19 +110,14 @@ def open_picture(stream: BinaryIO, name: str = "photo") -> ImageFile.ImageFile:
 def check_size(width: int, height: int, name: str) -> None:
     """Raise InvalidPhoto if a picture is too large to be decoded or too small for a photo."""
     if width * height > MAX_PIXELS:
-        raise InvalidPhoto(
-            f"expected at most {MAX_PIXELS // 1_000_000} million pixels, got {width} x {height}; shrink it first",
-            source=name,
-        )
-    if max(width, height) > MAX_SIDE_PX:
-        raise InvalidPhoto(
-            f"expected at most {MAX_SIDE_PX} pixels on either side, got {width} x {height}; crop it", source=name
-        )
-    if min(width, height) < MIN_SIDE_PX:
-        raise InvalidPhoto(
-            f"expected at least {MIN_SIDE_PX} pixels on either side, got {width} x {height}; use the original photo",
-            source=name,
-        )
+        wanted, remedy = f"at most {MAX_PIXELS // 1_000_000} million pixels", "shrink it first"
+    elif max(width, height) > MAX_SIDE_PX:
+        wanted, remedy = f"at most {MAX_SIDE_PX} pixels on either side", "crop it"
+    elif min(width, height) < MIN_SIDE_PX:
+        wanted, remedy = f"at least {MIN_SIDE_PX} pixels on either side", "use the original photo"
+    else:
+        return
+    raise InvalidPhoto(f"expected {wanted}, got {width} x {height}; {remedy}", source=name)
 
 
 def upright_size(image: Image.Image) -> tuple[int, int]:
@@ -224,16 +219,19 @@ def _exif(image: Image.Image, directory: int | None = None) -> Any:
 
 
 def _check_scans(stream: BinaryIO, name: str) -> None:
-    """Raise InvalidPhoto for a JPEG of more than MAX_SCANS scans; data behind its end does not count."""
+    """Raise InvalidPhoto for a JPEG of more than MAX_SCANS scans, behind its end aside; or for one sent as text, whose
+    line feeds all follow carriage returns: decoders make noise of it."""
     place = stream.tell()
     stream.seek(0)
     data = stream.read()
     stream.seek(place)
+    if data.count(b"\r\n") == data.count(b"\n") > 4:
+        text = "expected a JPEG as it was saved, got bytes changed by a transfer as text; copy it again, as binary data"
+        raise InvalidPhoto(text, source=name)
     scans = (code for code, _ in markers(data, 2) if code == b"\xda")
     if len(list(islice(scans, MAX_SCANS + 1))) > MAX_SCANS:
-        raise InvalidPhoto(
-            f"expected a JPEG of at most {MAX_SCANS} scans, got more; save it again as PNG or JPEG", source=name
-        )
+        text = f"expected a JPEG of at most {MAX_SCANS} scans, got more; save it again as PNG or JPEG"
+        raise InvalidPhoto(text, source=name)
 
 
 def _register_heic(name: str) -> None:
