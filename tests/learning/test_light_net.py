@@ -19,6 +19,7 @@ from anyprobe_train.light.light_run import LightRunConfig, keep_light, run_light
 from anyprobe_train.light.network import LeanNet  # noqa: E402
 from anyprobe_train.light.pictured import learned, mirrored_inputs, mirrored_truth, tensors_of  # noqa: E402
 from anyprobe_train.nets.emitter_head import POWER_FLOOR  # noqa: E402
+from anyprobe_train.train.muon import MuonAndAdam  # noqa: E402
 
 pytestmark = pytest.mark.ci
 
@@ -238,3 +239,21 @@ def test_kept_weights_go_on_in_another_folder_at_their_step(tmp_path) -> None:
     name = "start.0.weight"
     moved = (new["moving"][name] - old["net"][name]).abs().max()
     assert 0 < moved < 10 * config.learning_rate
+
+
+def test_matrices_step_by_the_nearest_orthogonal_matrix_and_all_else_as_adam_does() -> None:
+    torch.manual_seed(0)
+    net = torch.nn.Sequential(torch.nn.Conv2d(2, 4, 3), torch.nn.Linear(4, 3)).to(memory_format=torch.channels_last)
+    before = {name: value.clone() for name, value in net.state_dict().items()}
+    rate, share = 0.01, 0.5
+    optimizer = MuonAndAdam(net, rate, rate, weight_decay=0.0, last=("1.",))
+    for weights in net.parameters():
+        weights.grad = torch.randn_like(weights)
+    u, _, v = torch.linalg.svd(torch.randn(4, 18), full_matrices=False)
+    net[0].weight.grad = (u @ torch.diag(torch.tensor([1.0, 0.8, 0.6, 0.4])) @ v).view(4, 2, 3, 3)
+    optimizer.step(share)
+    steps = {name: (before[name] - value) / (share * rate) for name, value in net.state_dict().items()}
+    along = torch.diag(u.T @ steps["0.weight"].flatten(1) @ v.T) / (0.2 * 18**0.5)
+    assert ((along > 0.6) & (along < 1.3)).all(), along  # five rounds of the iteration are that near to 1
+    for name in ("0.bias", "1.weight", "1.bias"):  # the first step of Adam has the gradient's signs
+        torch.testing.assert_close(steps[name].abs(), torch.ones_like(steps[name]), rtol=1e-3, atol=1e-3)

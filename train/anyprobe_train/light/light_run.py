@@ -30,9 +30,12 @@ from anyprobe_train.train.checkpoint import (
 )
 from anyprobe_train.train.logger import RunLogger, run_folder
 from anyprobe_train.train.loop import learning_rate, mean_of, move_mean
+from anyprobe_train.train.muon import MuonAndAdam
 
 SAVE_SECONDS, SCORE_SECONDS = 300.0, 1800.0
 """Seconds between two checkpoints, and between two scores of photos that are left out."""
+SAYING = ("head.", "posture.", "of_light.2.", "of_photo.2.", "normals.")
+"""Layers that say the answer."""
 
 Batches = Callable[[int], Iterator[Any]]
 """From the first step on: the batches of its and of the following steps, as the world makes them."""
@@ -43,7 +46,8 @@ Scored = Callable[[LeanNet], dict[str, float]]
 class LightRunConfig:
     """A run's settings.
 
-    name: of the run's folder. The learning rate rises over warmup steps and falls over the last cooldown share.
+    name: of the run's folder. The learning rates, of which matrix_rate is Muon's, rise over warmup steps and fall over
+    the last cooldown share.
     averaged: decay of the running mean of the weights, which is what is scored and exported. seed, with the step's
     number, decides everything that is drawn.
     """
@@ -52,9 +56,10 @@ class LightRunConfig:
     steps: int = 120_000
     batch: int = 32
     learning_rate: float = 1e-3
+    matrix_rate: float = 3e-3
     weight_decay: float = 1e-2
     warmup: int = 400
-    cooldown: float = 0.6
+    cooldown: float = 0.5
     averaged: float = 0.999
     most_gradient: float = 1.0
     seed: int = 7
@@ -98,9 +103,7 @@ def run_light(
     torch.set_flush_denormal(True)
     path = runs / config.name / "checkpoint.pt"
     net = LeanNet().to(device).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
-    optimizer = torch.optim.AdamW(
-        net.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay, fused=True
-    )
+    optimizer = MuonAndAdam(net, config.learning_rate, config.matrix_rate, config.weight_decay, last=SAYING)
     stored, origin = resumed(path, config, {"assets": assets}, start, device, holds="net")
     if stored is not None:
         origin = agreed(path, stored.get("origin", {}), origin)
@@ -127,8 +130,6 @@ def run_light(
         try:
             for step, batch in zip(range(first, last), batches(first), strict=False):
                 rate = learning_rate(config, step)
-                for group in optimizer.param_groups:
-                    group["lr"] = rate
                 inputs, truth = learned(*tensors_of(batch, device), (config.seed, step))
                 net.train()
                 torch.manual_seed(config.seed + step)  # what is dropped is the step's own
@@ -136,10 +137,10 @@ def run_light(
                     guess = net(inputs)
                 terms = losses(guess, truth)
                 loss = total_of(terms)
-                optimizer.zero_grad(set_to_none=True)
+                optimizer.zero_grad()
                 loss.backward()
                 torch.nn.utils.clip_grad_norm_(net.parameters(), config.most_gradient)
-                optimizer.step()
+                optimizer.step(rate / config.learning_rate)
                 move_mean(mean, net, min(config.averaged, (step + 1) / (step + 20)))
                 done, count = step + 1, len(truth.fov)
                 logger.note(done, done * count, count, {**terms, "loss": loss}, rate)

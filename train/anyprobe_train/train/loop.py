@@ -32,6 +32,7 @@ from anyprobe_train.train.config import RunConfig
 from anyprobe_train.train.dataloader import load_assets, name_assets, open_batches
 from anyprobe_train.train.lift import Learner, Lift, Normals
 from anyprobe_train.train.logger import RunLogger, run_folder
+from anyprobe_train.train.muon import MuonAndAdam
 
 CHECKPOINT_SECONDS = 120.0
 Net = TypeVar("Net", bound=nn.Module)
@@ -228,7 +229,9 @@ class ProcessGroup:
             dist.destroy_process_group()
 
 
-def mean_of(net: Net, optimizer: torch.optim.Optimizer, stored: dict[str, Any] | None, path: Path) -> tuple[Net, int]:
+def mean_of(
+    net: Net, optimizer: torch.optim.Optimizer | MuonAndAdam, stored: dict[str, Any] | None, path: Path
+) -> tuple[Net, int]:
     """Return the running mean of a network's weights and the number of steps done; all as the checkpoint at path has
     them, if it is not None."""
     mean = deepcopy(net)
