@@ -3,6 +3,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
+import { Marking } from "../page/view/marking.js";
 import { PhotoStage } from "../page/view/photoStage.js";
 import { describeDirection } from "../page/view/pictures.js";
 
@@ -10,6 +11,9 @@ const elements = new Map();
 const makeElement = () =>
   Object.assign(new EventTarget(), {
     style: {},
+    classList: { add: () => {}, remove: () => {}, toggle: () => {} },
+    getAttribute: () => "false",
+    replaceChildren: (...parts) => (elements.get("said").value = parts.map((part) => part.textContent ?? part).join("")),
     value: "0",
     getContext: (kind) => (kind === "2d" ? { putImageData: () => {}, createImageData: () => ({}) } : null),
   });
@@ -53,6 +57,32 @@ test("the last photo's object is not seen over the next photo", async () => {
   assert.ok(isSeen());
   shown.showPicture(picture);
   assert.ok(!isSeen());
+});
+
+test("a press on the virtual object marks nothing, and says what to click unless it drags", () => {
+  const { shown } = open();
+  Object.assign(shown.stage, { width: 100, height: 100, isOnObject: (x) => x > 50, footPx: () => [60, 60], moveTo: () => {} });
+  shown.overlay.style.visibility = "visible";
+  const [canvas, band, button] = [makeElement(), makeElement(), makeElement()];
+  Object.assign(canvas, { parentElement: canvas, setPointerCapture: () => {}, getBoundingClientRect: () => ({ left: 0, top: 0, width: 100, height: 100 }) });
+  Object.assign(canvas, { getContext: () => new Proxy({}, { get: () => () => {} }) });
+  const marked = [];
+  const marking = new Marking({ canvas, band, button, removing: {}, cursor: {} }, shown, ({ click }) => marked.push(click.at(-1)));
+  Object.assign(marking, { size: { width: 100, height: 100 } });
+  const press = (x, end = x) => {
+    elements.get("said").value = "";
+    for (const [kind, clientX] of [["pointerdown", x], ["pointermove", end], ["pointerup", end], ["click", end]]) {
+      canvas.dispatchEvent(Object.assign(new Event(kind), { clientX, clientY: 50, isPrimary: true, button: 0 }));
+    }
+    return elements.get("said").value;
+  };
+  elements.set("said", {});
+  assert.match(press(60), /virtual object.*click on the object in the photo/);
+  assert.match(press(60, 61), /virtual object/, "a hand trembles");
+  assert.equal(press(60, 80), "");
+  assert.deepEqual(marked, []);
+  assert.equal(press(40), "");
+  assert.deepEqual(marked, [[40, 50]]);
 });
 
 test("a direction in words", () => {

@@ -1,7 +1,7 @@
 /** A box around the object: dragged with the mouse, with a finger once the tool is on, or two corners by key. */
 
 /** A box narrower or lower than this on the screen counts as a click. */
-const LEAST_PX = 6;
+export const LEAST_PX = 6;
 
 export class BoxTool {
   /**

@@ -1,6 +1,6 @@
 /** The object's outline on the photo, and the clicks and the box by which it is corrected. */
 
-import { BoxTool } from "./boxTool.js";
+import { BoxTool, LEAST_PX } from "./boxTool.js";
 
 /** Longer side of the outline's canvas, pixels: of a photo, and of the camera's picture, which is drawn many times a second. */
 const [PHOTO_PX, VIDEO_PX] = [960, 480];
@@ -20,8 +20,8 @@ export class Marking {
   /**
    * @param {{canvas: HTMLCanvasElement, cursor: HTMLElement, removing: HTMLInputElement, band: HTMLElement,
    *   button: HTMLButtonElement}} parts band and button are the box's
-   * @param {{grab(at: number[]): boolean, drag(at: number[]): void, drop(): void}} held what a press takes before it marks:
-   *   the virtual object; x and y as shares of the picture
+   * @param {{grab(at: number[]): boolean, drag(at: number[]): void, drop(isStill: boolean): void}} held what a press takes before it
+   *   marks: the virtual object, which is still if it was not dragged; x and y as shares of the picture
    * @param {(hints: import("../../types/index.d.ts").Hints) => void} onHints in pixels of the picture
    */
   constructor({ canvas, cursor, removing, band, button }, held, onHints) {
@@ -44,8 +44,7 @@ export class Marking {
   /** Forget clicks and box; return what is left. */
   reset() {
     this.boxTool.close();
-    this.hints = NO_HINTS;
-    return this.hints;
+    return (this.hints = NO_HINTS);
   }
 
   /**
@@ -73,9 +72,10 @@ export class Marking {
 
   #listen() {
     const { canvas, boxTool, held } = this;
-    let isHeld = false;
-    let wasHeld = false; // the click that a drag ends with is still to come
+    let [isHeld, wasHeld, start] = [false, false, null]; // the click that a drag ends with is still to come
+    const isNear = ({ clientX, clientY }) => Math.hypot(clientX - start.clientX, clientY - start.clientY) < LEAST_PX;
     canvas.addEventListener("pointerdown", (event) => {
+      start = event;
       wasHeld = isHeld = event.isPrimary && event.button === 0 && !boxTool.isOn && held.grab(this.#placeOf(event));
       if (isHeld) canvas.setPointerCapture(event.pointerId);
       else boxTool.press(event);
@@ -86,7 +86,7 @@ export class Marking {
     });
     for (const end of ["pointerup", "pointercancel"]) {
       canvas.addEventListener(end, (event) => {
-        if (isHeld) held.drop();
+        if (isHeld) held.drop(end === "pointerup" && isNear(event));
         else if (end === "pointerup") boxTool.release(event);
         else boxTool.drop();
         isHeld = false;

@@ -52,9 +52,8 @@ export class ObjectTools {
     } catch (error) {
       return this.onFault(error);
     }
-    let option = this.shape.querySelector("[value=own]");
-    option ??= this.shape.appendChild(Object.assign(document.createElement("option"), { value: "own" }));
-    option.textContent = file.name.slice(0, 40);
+    const own = this.shape.querySelector("[value=own]") ?? this.shape.appendChild(document.createElement("option"));
+    Object.assign(own, { value: "own", textContent: file.name.slice(0, 40) });
     this.shape.value = "own";
     this.material.querySelector("[value=own]").hidden = false;
     this.material.value = "own";

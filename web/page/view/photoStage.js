@@ -1,7 +1,7 @@
 /** The photo or the camera's picture, the virtual object over it, and the line between before and after. */
 
 import { Stage } from "./stage.js";
-import { element } from "./elements.js";
+import { element, setStatus } from "./elements.js";
 import { putRgba } from "./pictures.js";
 
 /** Diameter of the knob that divides before from after, as style.css has it. */
@@ -113,8 +113,9 @@ export class PhotoStage {
     this.render();
   }
 
-  drop() {
+  drop(isStill) {
     this.overlay.classList.remove("held");
+    if (isStill) setStatus("This is the virtual object: drag it. To mark the real one, click on the object in the photo.");
   }
 
   #pixel([x, y]) {
