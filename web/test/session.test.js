@@ -198,7 +198,9 @@ test("a click while nothing is seen is answered", async () => {
   const { session, networks } = await follow();
   const lost = { lost: true, width: 64, height: 48 };
   networks.onLive(lost);
+  said.length = 0;
   session.mark({ click: [[32, 24]], exclude: [], box: null });
+  assert.deepEqual(said, ["Finding the object …"], "at once, as no answer comes while it is looked for");
   said.length = 0;
   networks.onLive(lost);
   assert.match(said[0], LOST);

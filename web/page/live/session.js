@@ -121,8 +121,8 @@ export class LiveSession {
   async mark(hints) {
     const { live } = this;
     this.said = null;
-    this.#mark(hints);
-    live.hints = hints;
+    if (live.tracker) this.#say(FINDING); // no answer comes meanwhile if nothing is followed
+    this.#mark((live.hints = hints));
     const asking = (this.asking = live.tracker?.mark(hints)); // until it is heard, answers tell of what was marked before
     await asking;
     if (this.asking === asking) this.asking = null;
