@@ -34,8 +34,8 @@ LN_NOTHING = -20.0
 """Logarithm of a weight that is as good as none."""
 NEAREST = 300.0
 """Sharpness of the nearest seen place: places a few degrees further count less than half."""
-SEEN_COVER, UNSEEN = 0.05, 1e4
-"""Cover from which on a place counts as seen, and what others lose of the logarithm of their weight."""
+SEEN_COVER, LEAST_NEARNESS = 0.05, 1e-300
+"""Cover from which on a place counts as seen, and least sum of weights of which a mean is made."""
 FIRST_LN = -1.2
 """ln radiance before training: about the mean over photos."""
 LN_FLOOR = 0.01
@@ -243,7 +243,7 @@ class LeanNet(nn.Module):
         def weights(about: torch.Tensor, to: torch.Tensor, sharpness: float) -> torch.Tensor:
             to = torch.cat([to, -torch.ones_like(to[:, :1])], dim=1)
             closeness = sharpness * to @ torch.cat([about, torch.ones_like(about[:, :1])], dim=1)
-            return torch.exp(closeness.clamp(min=LN_NOTHING))  # without bounds four times as slow
+            return closeness.clamp_(min=LN_NOTHING).exp_()  # without bounds four times as slow
 
         return weights(wi, self.lift_directions, GLOSSY), weights(n, self.coarse_directions, MATTE)
 
@@ -269,12 +269,12 @@ class LeanNet(nn.Module):
         coarse = F.avg_pool2d(inputs.seen, MAP_HEIGHT // GLOSSY_ROWS).flatten(2)  # [N, 4, P]
         cover = coarse[:, 3]
         colors = coarse[:, :3] / cover[:, None].clamp(min=SEEN_COVER)
-        hidden = -UNSEEN * (cover < SEEN_COVER).float()
-        weight = torch.log(cover.clamp(min=SEEN_COVER)) + hidden
         d = self.lift_directions
-        asked = torch.cat([NEAREST * d, torch.ones_like(d[:, :1])], dim=1)
-        share = torch.softmax(asked @ torch.cat([d.T.expand(len(cover), -1, -1), weight[:, None]], dim=1), dim=2)
-        found = share @ torch.cat([colors.transpose(1, 2), d.expand(len(cover), -1, -1)], dim=2)
+        of_each = torch.cat([colors.transpose(1, 2), d.expand(len(cover), -1, -1)], dim=2).double()
+        seen = (cover * (cover >= SEEN_COVER).float())[..., None].double()
+        nearness = torch.exp(NEAREST * (d.double() @ d.double().T - 1.0))  # down to 1e-261
+        sums = nearness @ torch.cat([seen * of_each, seen], dim=2)
+        found = (sums[..., :-1] / sums[..., -1:].clamp(min=LEAST_NEARNESS)).float()
         angle = torch.acos((found[..., 3:] * d).sum(dim=2).clamp(-1 + 1e-6, 1 - 1e-6)) / torch.pi
         near = (
             torch.cat([found[..., :3], angle[..., None]], dim=2)
