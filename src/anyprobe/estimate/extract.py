@@ -110,7 +110,7 @@ def said_of_ball(name: str) -> Notice:
 
 def as_ball(photo: Photo) -> Photo | None:
     """Return a photo with a sphere's normals where its object looks like a mirror ball, which it is if the network
-    takes it for metal; None where it does not, or its shape or material is given."""
+    takes it for metal (Estimator.from_extract); None where it does not, or its shape or material is given."""
     if photo.material is not None or photo.normals is not None or not looks_like_ball(photo):
         return None
     return replace(photo, normals=normals_from_outline(photo.mask, photo.long_fov_deg))

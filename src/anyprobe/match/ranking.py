@@ -45,7 +45,7 @@ def log_odds(maps: np.ndarray) -> np.ndarray:
     """Return the log odds [N] that maps [N, H, 2H, 3] are of places outdoors.
 
     Those have an upper part that is blue and brighter than the lower one, and a lower one that is green. That is
-    sometimes wrong, so it excludes nothing. Of a photo's place the networks say it.
+    sometimes wrong, so it excludes nothing. Of a photo's place the graph says it (`Light.outdoors`).
     """
     maps = np.stack([reduced(one, KIND_ROWS) for one in maps])
     d = pixel_directions(maps.shape[1])[..., 1]

@@ -99,7 +99,8 @@ EPOCHS = 11
 
 
 def filter_exponent(epoch: int) -> float:
-    """Compute beta e of Eq. 6 with beta = e^2, for epoch 1 to 11: 1 to 1331 (the caption of Fig. 7 says 1000)."""
+    """Compute beta e of Eq. 6 with beta = e^2, for epoch 1 to 11, elevenths of a run: 1 to 1331 (the
+    caption of Fig. 7 says 1000)."""
     return float(epoch**3)
 
 

@@ -46,7 +46,7 @@ Scored = Callable[[LeanNet], dict[str, float]]
 class LightRunConfig:
     """A run's settings.
 
-    name: of the run's folder. The learning rates, of which matrix_rate is Muon's, rise over warmup steps and fall over
+    name: of the run's folder. The learning rates, AdamW's and for matrices Muon's, rise over warmup steps and fall over
     the last cooldown share.
     averaged: decay of the running mean of the weights, which is what is scored and exported. seed, with the step's
     number, decides everything that is drawn.
