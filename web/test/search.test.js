@@ -94,6 +94,20 @@ test("a further click looks only nearer", async () => {
   assert.deepEqual(counts, [2, 2, 3]);
 });
 
+test("a further click on what was found around the last one takes no look", async () => {
+  const network = redness(0.1);
+  let count = 0;
+  const looks = new Looks({ ...network, cover: (...given) => (count++, network.cover(...given)) }, photo(LITTLE));
+  const first = await findObject(looks, { ...NOTHING, on: [[250, 150]] });
+  const taken = count;
+  for (const on of [[[250, 150], [240, 145]], [[262, 160]]]) {
+    const again = await findObject(looks, { ...NOTHING, on });
+    assert.deepEqual([count, again.window], [taken, first.window]);
+  }
+  await findObject(looks, { ...NOTHING, on: [[40, 150]] });
+  assert.ok(count > taken, "elsewhere it looks");
+});
+
 test("what a box cuts off is known", async () => {
   const looks = new Looks(redness(), photo(LARGE));
   const cut = async (box) => (await findObject(looks, { ...NOTHING, box })).cut;

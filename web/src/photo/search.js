@@ -49,6 +49,12 @@ export class Looks {
     if (!this.#kept.has(key)) this.#kept.set(key, await look(this.network, this.picture, window, hints, isMirrored));
     return this.#kept.get(key);
   }
+
+  /** Windows that hold points and were looked at, the last first; none of a network that looks otherwise for other prompts. */
+  known(points) {
+    const taken = this.network.takesPrompts ? [] : [...this.#kept.keys()].map((key) => JSON.parse(key)).reverse();
+    return taken.flatMap(([window, isMirrored]) => (!isMirrored && cellsOf(window, points).length === points.length ? [window] : []));
+  }
 }
 
 /**
@@ -172,12 +178,12 @@ async function lookCloser(looks, found, hints) {
   return { ...(mean ?? known), agreed, cut: found.cut };
 }
 
-/** What stands out in windows around the clicks: the likeliest that a window's border does not cut. */
+/** What stands out in windows that are known, or around the clicks: the likeliest that a window's border does not cut. */
 async function aroundClicks(looks, hints) {
   const { photo } = looks;
   let [best, most] = [null, 0];
-  for (const share of NUMBERS.windows) {
-    const window = squareAround(photo, hints.on, share * Math.max(photo[2], photo[3]));
+  const squares = NUMBERS.windows.map((share) => squareAround(photo, hints.on, share * Math.max(photo[2], photo[3])));
+  for (const window of [...looks.known(hints.on), ...squares]) {
     const found = choose(window, await looks.at(window, hints), hints);
     if (!found) continue;
     const touch = borderShare(found, photo);
@@ -245,26 +251,21 @@ function distance(colors, part, seeds) {
 }
 
 /** A box and a margin in its longer sides, as far as they are in a window. */
-export function around([x0, y0, x1, y1], box, margin) {
+export function around(window, box, margin) {
   const more = margin * Math.max(box[2] - box[0], box[3] - box[1]);
-  return [
-    Math.max(x0, Math.floor(box[0] - more)),
-    Math.max(y0, Math.floor(box[1] - more)),
-    Math.min(x1, Math.ceil(box[2] + more)),
-    Math.min(y1, Math.ceil(box[3] + more)),
-  ];
+  return window.map((side, i) => (i < 2 ? Math.max(side, Math.floor(box[i] - more)) : Math.min(side, Math.ceil(box[i] + more))));
 }
 
 /** A square of that side around the middle of points, moved into a photo. */
 function squareAround(photo, points, side) {
-  const spans = [0, 1].map((axis) => {
+  const [[x0, x1], [y0, y1]] = [0, 1].map((axis) => {
     const [low, high] = [photo[axis], photo[axis + 2]];
     const middle = points.reduce((sum, point) => sum + point[axis], 0) / points.length;
     const extent = Math.min(high - low, Math.max(1, Math.round(side)));
     const start = Math.min(Math.max(Math.floor(middle - extent / 2), low), high - extent);
     return [start, start + extent];
   });
-  return [spans[0][0], spans[1][0], spans[0][1], spans[1][1]];
+  return [x0, y0, x1, y1];
 }
 
 /** Column and row of the points that are in a window. */
