@@ -6,17 +6,17 @@ import json
 import signal
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import BrokenExecutor
+from concurrent.futures import BrokenExecutor, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import torch
 
 from anyprobe_train.light.light_losses import LIGHT_WEIGHTS, LightLoss, total_of
-from anyprobe_train.light.network import LeanNet
-from anyprobe_train.light.pictured import learned, tensors_of
+from anyprobe_train.light.network import LeanNet, LightInputs
+from anyprobe_train.light.pictured import LightTruth, learned, tensors_of
 from anyprobe_train.nets.blocks import autocast
 from anyprobe_train.train.checkpoint import (
     agreed,
@@ -40,6 +40,7 @@ SAYING = ("head.", "posture.", "of_light.2.", "of_photo.2.", "normals.")
 Batches = Callable[[int], Iterator[Any]]
 """From the first step on: the batches of its and of the following steps, as the world makes them."""
 Scored = Callable[[LeanNet], dict[str, float]]
+Item = TypeVar("Item")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -77,6 +78,15 @@ def asked_to_stop() -> Iterator[Callable[[], bool]]:
     finally:
         for kind, handler in old.items():
             signal.signal(kind, handler)
+
+
+def one_ahead(items: Iterator[Item]) -> Iterator[Item]:
+    """Yield items, each of which a thread makes while the one before is used."""
+    with ThreadPoolExecutor(1) as thread:
+        coming = thread.submit(next, items, None)
+        while (item := coming.result()) is not None:
+            coming = thread.submit(next, items, None)
+            yield item
 
 
 def run_light(
@@ -126,11 +136,14 @@ def run_light(
         state = {"net": mean.state_dict(), "moving": net.state_dict(), "optimizer": optimizer.state_dict()}
         save_checkpoint(path, config, done, origin, state)
 
+    def examples() -> Iterator[tuple[LightInputs, LightTruth]]:
+        for step, batch in zip(range(first, last), batches(first), strict=False):
+            yield learned(*tensors_of(batch, device), (config.seed, step))
+
     with logger, asked_to_stop() as asked:
         try:
-            for step, batch in zip(range(first, last), batches(first), strict=False):
+            for step, (inputs, truth) in enumerate(one_ahead(examples()), first):
                 rate = learning_rate(config, step)
-                inputs, truth = learned(*tensors_of(batch, device), (config.seed, step))
                 net.train()
                 torch.manual_seed(config.seed + step)  # what is dropped is the step's own
                 with autocast(device):
