@@ -129,13 +129,13 @@ def test_even_sky_lights_the_ground_with_pi():
 
 
 def test_ground_is_lit_by_what_stands_on_it():
-    """In even light, by a sphere that sends as much as it hides: nothing is lost."""
+    """In even light, by a sphere that is as bright as it is lit: as much as the ground that it faces."""
     even = np.ones((32, 64, 3), np.float32)
     shadow = GroundShadow(unit_sphere(), FOOT, RADIUS, UP, even, count=256, grid=64)
     for distance in (0.6, 1.0, 2.0):
         at = surroundings(shadow, distance * RADIUS)
         hidden, sent = 1 - shadow.at(at).mean(), shadow.with_light(np.full(3, 0.5)).at(at).mean() - shadow.at(at).mean()
-        assert sent == pytest.approx(0.5 * hidden, rel=0.15)
+        assert sent == pytest.approx(0.5 * hidden * (1 - hidden), rel=0.15)
 
 
 def test_a_sharp_shadow_of_a_sphere_is_a_cylinder_behind_it():

@@ -48,10 +48,12 @@ def lamp_behind(body: Mesh, point: np.ndarray) -> np.ndarray:
     return lit[..., None] * np.full(3, 2000, np.float32)
 
 
-def test_ground_that_the_photo_does_not_show_is_the_maps(stage):
+def test_ground_that_the_photo_does_not_show_is_the_maps_in_the_real_objects_shadow(stage):
     picture = GroundPicture(stage.photo, stage.view, np.full((16, 32, 3), 0.5, np.float32))
-    for point in (-stage.view.up, stage.view.on_ground(60, 88)):  # under the camera, behind the object
-        np.testing.assert_allclose(picture.at(point[None]), 0.5, atol=1e-5)
+    lit, behind = -stage.view.up[None], stage.view.on_ground(60, 88)[None]  # under the camera, behind the object
+    shadow = stage.shadow(picture.radiance)
+    np.testing.assert_allclose(picture.at(lit, shadow), 0.5, atol=1e-5)
+    assert 0.4 < picture.at(behind, shadow).max() < 0.99 * 0.5 * shadow.at(behind).min()
 
 
 def test_the_body_stands_where_the_photo_shows_the_object(stage, body):

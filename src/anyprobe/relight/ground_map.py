@@ -49,8 +49,8 @@ class GroundPicture:
         grown = Image.fromarray((hidden > 0.02).astype(np.uint8)).filter(ImageFilter.MaxFilter(reach))
         self.free = np.asarray(grown) == 0
 
-    def at(self, points: np.ndarray) -> np.ndarray:
-        """Return linear radiance [P, 3] of points of the ground."""
+    def at(self, points: np.ndarray, shadow: GroundShadow) -> np.ndarray:
+        """Return linear radiance [P, 3] of points of the ground in the object's shadow, and in the real one's."""
         photo, view = self.photo, self.view
         pixels = view.pixels(points)
         border = np.minimum(pixels, [view.width, view.height] - pixels).min(axis=-1)
@@ -60,7 +60,7 @@ class GroundPicture:
         shown = radiance_at(photo, row, column)
         toward = points / np.maximum(np.linalg.norm(points, axis=-1, keepdims=True), 1e-9)
         around = bilinear(self.radiance, direction_to_uv(toward.astype(np.float32)))
-        return weight * shown + (1 - weight) * around
+        return weight * shown * shadow.at(points) + (1 - weight) * around * shadow.at(points, with_beside=True)
 
 
 def hides_shadows(photo: Photo, view: View, spot: Placement) -> bool:
@@ -94,14 +94,9 @@ def radiance_at(photo: Photo, row: np.ndarray, column: np.ndarray) -> np.ndarray
     return np.where(radiance > 1, radiance, shown)
 
 
-def with_ground(
-    ground: GroundPicture, spot: Placement, shadow: GroundShadow | None = None
-) -> Float[np.ndarray, "K 2*K 3"]:
-    """Return a ground's map, in the camera's frame and of at least _ROWS rows, with the ground below the horizon.
-
-    Args:
-        shadow: on the ground; None: none.
-    """
+def with_ground(ground: GroundPicture, spot: Placement, shadow: GroundShadow) -> Float[np.ndarray, "K 2*K 3"]:
+    """Return a ground's map, in the camera's frame and of at least _ROWS rows, with the ground and the shadow on it
+    below the horizon."""
     view, radiance = ground.view, ground.radiance
     times = max(1, _ROWS // radiance.shape[0])
     light = radiance.repeat(times, axis=0).repeat(times, axis=1)  # power is neither lost nor moved
@@ -114,9 +109,7 @@ def with_ground(
     height = float(((spot.mesh.positions - spot.foot) @ view.up).max()) / 2
     toward = directions[below]
     landed = spot.foot + height * view.up + toward * (height / np.maximum(-sine[below], 1e-3))[:, None]
-    seen = ground.at(landed)
-    if shadow is not None:
-        seen = seen * shadow.at(landed)
+    seen = ground.at(landed, shadow)
     weight = share[below][:, None]
     result = light.astype(np.float32, copy=True)
     result[below] = result[below] * (1 - weight) + seen * weight

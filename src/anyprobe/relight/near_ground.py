@@ -4,7 +4,7 @@ render.picture draws a mesh under a distant map. Here the picture is corrected b
 of that map, on a coarser picture, as shares and differences, which need few samples:
 
     diffuse     the share of the map's irradiance that no body hides, by parallel light from the emitters and from
-                DIRECTIONS of the rest; in place of what is hidden a body's mean radiance arrives
+                DIRECTIONS of the rest; in place of what is hidden arrives what bodies send along rays that meet them
     coat        the share of it that is not hidden, of emitters and of rays of the lobe; and what these meet instead
     near ground 1 / N sum_i [ L_ground(p + t_i d_i) - L_map(d_i) ], d_i cosine-distributed about the normal, below the
                 horizon, t_i d_i the way from p to the ground: the map is the ground's as seen from the object's middle
@@ -44,8 +44,8 @@ if TYPE_CHECKING:
 
 COARSE, COARSER = 128, 32
 """Sides [px] of the pictures in which light is hidden, and in which the ground is near."""
-DIRECTIONS, LOBE_RAYS, GROUND_RAYS = 192, 8, 96
-"""Numbers of directions of parallel light, of rays of a lobe, and of rays to the ground, from each of their points."""
+DIRECTIONS, LOBE_RAYS, NEAR_RAYS = 192, 8, 96
+"""Numbers of directions of parallel light, of rays of a lobe, and of rays of the cosine, from each of their points."""
 OFF_SURFACE, OFF_SHARP = 1.5, 0.375
 """Distances from the surface, in the longest sides of cells, from which points look: at cells, and at shadow maps,
 which are four times as fine."""
@@ -112,12 +112,11 @@ class Surroundings:
         volume = np.linalg.det(spot.mesh.positions[spot.mesh.faces] - spot.foot).sum()
         self.own, self.normals = voxelize(spot.mesh), np.sign(volume) * normalize(spot.mesh.normals.mean(axis=1))
         self.real = None if beside is None else voxelize(beside)
-        self.real_colors, self.real_sent = np.zeros((2, 1, 3))
         if beside is not None:
             self._color(beside)
 
     def _color(self, beside: Mesh) -> None:
-        """Keep the radiance [F, 3] of the real object's faces, and the mean of those that face the inserted one.
+        """Keep the radiance [F, 3] of the real object's faces.
 
         A face that the photo does not show has the mean albedo of those that it shows, in the light of its side.
         """
@@ -133,8 +132,6 @@ class Surroundings:
         shown, lit = radiance_at(photo, row, column), self.irradiance(n)
         mean = [of[seen].mean(axis=0) if seen.any() else np.zeros(3) for of in (shown, lit)]
         self.real_colors = np.where(seen[:, None], shown, lit * mean[0] / np.maximum(mean[1], 1e-9))
-        facing = ((self.spot.foot - middle) * n).sum(axis=1) > 0
-        self.real_sent = self.real_colors[facing].mean(axis=0, keepdims=True) if facing.any() else self.real_sent
 
     def irradiance(self, n: np.ndarray) -> Float[np.ndarray, "N 3"]:
         """Return the irradiance of the light on sides of normals n [N, 3]."""
@@ -157,13 +154,19 @@ class Surroundings:
                 share[:, ~sharp] = open_shares(body, self.off(points), directions[~sharp]).T
         return shares
 
-    def nearer_ground(self, points: Points) -> Float[np.ndarray, "P 3"]:
-        """Return the diffuse light over pi that the map misses at each point, mostly less than nothing."""
-        d = world_from_local(square_to_cosine_hemisphere(hammersley(GROUND_RAYS))[None], points.n[:, None])  # [P, N, 3]
-        below, seen = self._ground_along(np.repeat(points.at, GROUND_RAYS, axis=0), d.reshape(-1, 3))
-        difference = np.zeros((below.size, 3))
-        difference[below] = seen - bilinear(self.lit, direction_to_uv(d.reshape(-1, 3)[below]))
-        return difference.reshape(d.shape).mean(axis=1)
+    def nearer(
+        self, points: Points, material: Material, open_share: np.ndarray
+    ) -> tuple[Float[np.ndarray, "P 3"], Float[np.ndarray, "P 3"], Float[np.ndarray, "P 1"]]:
+        """Return the diffuse light over pi that the near ground sends to points more than the map, mostly less than
+        nothing, that of both bodies along NEAR_RAYS, and the share of these that meet one."""
+        d = world_from_local(square_to_cosine_hemisphere(hammersley(NEAR_RAYS))[None], points.n[:, None])  # [P, N, 3]
+        rays, starts = d.reshape(-1, 3), np.repeat(self.off(points), NEAR_RAYS, axis=0)
+        below, seen = self._ground_along(starts, rays)
+        difference = np.zeros(rays.shape)
+        difference[below] = seen - bilinear(self.lit, direction_to_uv(rays[below]))
+        met, sent = self._bodies_along(starts, rays, shading_pyramid(self.light, material.alpha), material, open_share)
+        terms = (of.reshape(*d.shape[:2], -1).mean(axis=1) for of in (difference, sent, met))
+        return next(terms), next(terms), next(terms)
 
     def _ground_along(self, starts: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return which rays [N, 3] meet the ground, and what it sends along those."""
@@ -172,27 +175,20 @@ class Surroundings:
         below = sine < -LEAST_SINE
         height = np.maximum((starts[below] - self.spot.foot) @ up, 0.0)
         landed = starts[below] + (height / -sine[below])[:, None] * rays[below]
-        return below, self.ground.at(landed) * self.shadow.at(landed)
+        return below, self.ground.at(landed, self.shadow)
 
-    def remaining(
-        self, points: Points
-    ) -> tuple[Float[np.ndarray, "P 3"], Float[np.ndarray, "P 1"], Float[np.ndarray, "P 3"]]:
-        """Return the share of the light's irradiance that reaches points, the share of an even one that the object
-        hides itself, and the light over pi of the real object."""
+    def remaining(self, points: Points) -> tuple[Float[np.ndarray, "P 3"], Float[np.ndarray, "P 1"]]:
+        """Return the share of the light's irradiance that reaches points, and that of an even one that bodies hide."""
         pyramid, u = shading_pyramid(self.light), hammersley(DIRECTIONS)
         around = uv_to_direction(np.stack([u[:, 0], np.arccos(1.0 - 2.0 * u[:, 1]) / np.pi], axis=-1))
         each, even = 4 * np.pi / DIRECTIONS, np.full(DIRECTIONS, 0.25 / np.pi)
         rest = _looked_up(pyramid, around, lobe_lod(even, DIRECTIONS, pyramid))
         directions = np.concatenate([around, pyramid.emitters])
         power = np.concatenate([rest * each, pyramid.emitter_power])
-        cosine = np.maximum(points.n @ directions.T.astype(np.float32), 0.0)
         own, real = self.open_shares(points, directions, power)
-        share = (cosine * own * real @ power) / np.maximum(cosine @ power, 1e-9)
-        by_own, by_real = (
-            (cosine * hidden)[:, :DIRECTIONS].sum(axis=1, keepdims=True) * each / np.pi
-            for hidden in (1.0 - own, own * (1.0 - real))
-        )
-        return share, by_own, by_real * self.real_sent
+        cosine, passed = np.maximum(points.n @ directions.T.astype(np.float32), 0.0), own * real
+        hidden = (cosine * (1.0 - passed))[:, :DIRECTIONS].sum(axis=1, keepdims=True) * each / np.pi
+        return (cosine * passed @ power) / np.maximum(cosine @ power, 1e-9), hidden
 
     def coat(
         self, points: Points, side: int, material: Material, open_share: np.ndarray
@@ -213,18 +209,8 @@ class Surroundings:
         below, seen = self._ground_along(starts, rays)
         more[below] = seen - _looked_up(pyramid, rays[below], np.zeros(below.sum()))
         out, hidden = np.flatnonzero(weight.ravel() > 0), np.zeros(len(rays), bool)
-        for body in (self.real, self.own):  # the latter is the nearer
-            if body is not None:
-                faces = first_faces(body, starts[out], rays[out])
-                met = faces >= 0
-                if body is self.own:  # a face seen from behind is the one that the ray left, in a cell next to it
-                    met &= (self.normals[faces] * rays[out]).sum(axis=1) < 0
-                hit, faces = out[met], faces[met]
-                hidden[hit] = True
-                if body is self.real:
-                    more[hit] = self.real_colors[faces]
-                else:
-                    more[hit] = self._sent(faces, rays[hit], pyramid, material, open_share)
+        hidden[out], sent = self._bodies_along(starts[out], rays[out], pyramid, material, open_share)
+        more[hidden] = sent[hidden[out]]
 
         def reflected(light: np.ndarray, emitters: np.ndarray | float | None = None) -> np.ndarray:
             light = light.reshape(*weight.shape, 3)
@@ -238,21 +224,38 @@ class Surroundings:
         kept = reflected(np.where(hidden[:, None], 0.0, of_map), own * real)
         return kept, reflected(of_map, 1.0), reflected(more)
 
+    def _bodies_along(
+        self, starts: np.ndarray, rays: np.ndarray, pyramid: Pyramid, material: Material, open_share: np.ndarray
+    ) -> tuple[np.ndarray, Float[np.ndarray, "N 3"]]:
+        """Return which rays [N, 3] meet a body, and what it sends along them."""
+        hidden, sent = np.zeros(len(rays), bool), np.zeros(rays.shape)
+        for body in (self.real, self.own):  # the latter is the nearer
+            if body is not None:
+                faces = first_faces(body, starts, rays)
+                met = faces >= 0
+                if body is self.own:  # a face seen from behind is the one that the ray left, in a cell next to it
+                    met &= (self.normals[faces] * rays).sum(axis=1) < 0
+                    sent[met] = self._sent(faces[met], rays[met], pyramid, material, open_share)
+                else:
+                    sent[met] = self.real_colors[faces[met]]
+                hidden |= met
+        return hidden, sent
+
     def _sent(
         self, faces: np.ndarray, rays: np.ndarray, pyramid: Pyramid, material: Material, open_share: np.ndarray
     ) -> Float[np.ndarray, "N 3"]:
-        """Return what faces of the object send against rays [N, 3] that meet them, open_share [3] of the light on them
-        left."""
-        n = self.normals[faces]
+        """Return what faces of the object send against rays [N, 3] that meet them: of emitters what no body hides, of
+        the rest open_share [3]."""
+        n, emitters, power = self.normals[faces], pyramid.emitters, pyramid.emitter_power
         lod = lobe_lod(np.full(len(n), ggx_distribution(1.0, material.alpha) / 4), 1, pyramid)
         fresnel = material.f0 + (1.0 - material.f0) * schlick_weight(-(n * rays).sum(axis=1))[:, None]
-        base = material.albedo * (1.0 - material.f0) * self.irradiance(n) * open_share / np.pi
         middle = self.spot.mesh.positions[self.spot.mesh.faces[faces]].mean(axis=1)
-        own, real = self.open_shares(
-            Points(mask=faces >= 0, at=middle, n=n, wo=-rays), pyramid.emitters, pyramid.emitter_power
-        )
+        own, real = self.open_shares(Points(mask=faces >= 0, at=middle, n=n, wo=-rays), emitters, power)
+        cosine = np.maximum(n @ emitters.T, 0.0)
+        irradiance = np.maximum(self.irradiance(n) - cosine @ power, 0.0) * open_share + cosine * own * real @ power
         lit = emitters_specular(pyramid, n, -rays, material.alpha, own * real)[1:]
         of_emitters = material.f0 * lit[0] + (1.0 - material.f0) * lit[1]
+        base = material.albedo * (1.0 - material.f0) * irradiance / np.pi
         return base + fresnel * _looked_up(pyramid, reflect(-rays, n), lod) + of_emitters
 
 
@@ -278,12 +281,15 @@ def draw_on_ground(
         reflected = material.albedo * (1.0 - material.f0)
         coat = draw_mesh(mesh, camera, around.lit, replace(material, albedo=np.zeros(3)), **finer)
         near = Points.seen(mesh, camera, min(size, COARSER))
-        base = drawn[..., :3] - coat[..., :3] + near.picture(reflected * around.nearer_ground(near), size)
-        remaining, hidden, of_real = around.remaining(points)
+        remaining, hidden = around.remaining(points)
+        open_share = remaining.mean(axis=0)
+        of_ground, of_bodies, met = around.nearer(near, material, open_share)
+        base = drawn[..., :3] - coat[..., :3] + near.picture(reflected * of_ground, size)
         base = np.maximum(base, 0.0) * points.picture(remaining, size)
-        again = reflected * (base + coat[..., :3])[drawn[..., 3] > 0].mean(axis=0)
-        base += points.picture(hidden * again + reflected * of_real, size)
-        drawn, open_share = coat, remaining.mean(axis=0)
+        mean = (base + coat[..., :3])[drawn[..., 3] > 0].mean(axis=0)
+        each = (of_bodies + mean / NEAR_RAYS) / (met + 1 / NEAR_RAYS)
+        base += points.picture(hidden, size) * near.picture(reflected * each, size)
+        drawn = coat
     side = 2 if material.alpha < PATCHES[-1][0] else 1  # a wider lobe hardly resolves pixels
     points = Points.seen(mesh, camera, side * points.mask.shape[0]) if side > 1 else points
     terms = around.coat(points, side, material, open_share)

@@ -133,7 +133,7 @@ class GroundShadow:
             remaining[own | kept] -= weight
         unshadowed = (remaining / np.maximum(reached, LEAST_LIT)).reshape(self.grid, self.grid, 3)
         unshadowed[(reached < LEAST_LIT).reshape(unshadowed.shape)] = 1.0
-        self.reached = reached  # [G * G, 3]
+        self.reached = reached.reshape(unshadowed.shape)
         return 1.0 - (1.0 - np.clip(unshadowed, 0.0, 1.0)) * self._inward()
 
     def _inward(self) -> np.ndarray:
@@ -151,13 +151,14 @@ class GroundShadow:
 
         seen: radiance of the ground at points(), [G * G, 3], NaN where it is not seen.
         """
-        lost, known = 1.0 - luminance(self.reached), np.isfinite(seen).all(axis=-1)
+        reached, known = self.reached.reshape(-1, 3), np.isfinite(seen).all(axis=-1)
+        lost = 1.0 - luminance(reached)
         shaded, lit = known & (lost > SHADED), known & (lost < LIT)
         if min(shaded.sum(), lit.sum()) < LEAST_SEEN * len(lost):
             return self
         left, expected = (
             np.quantile(of[shaded], DEEP, axis=0) / np.maximum(np.median(of[lit], axis=0), 1e-3)
-            for of in (seen, self.reached)
+            for of in (seen, reached)
         )
         other = copy(self)
         depth = np.clip((1.0 - left) / np.maximum(1.0 - expected, 1e-3), *DEPTHS)
@@ -165,12 +166,13 @@ class GroundShadow:
         return other
 
     def with_light(self, sent: np.ndarray) -> GroundShadow:
-        """Return the shadow on a ground that the mesh lights, too, by radiance `sent` [3] from all of its sides.
+        """Return the shadow on a ground that the mesh lights, too, by radiance `sent` [3] from sides that are not in
+        its shadow: those that face a point get as much of the light as it.
 
         It sends no more than a white ground does.
         """
         other = copy(self)
-        other.ratio = self.ratio + self._mesh_share * np.minimum(np.pi * sent / np.maximum(self.sky, 1e-9), 1.0)
+        other.ratio = self.ratio * (1 + self._mesh_share * np.minimum(np.pi * sent / np.maximum(self.sky, 1e-9), 1.0))
         return other
 
     @cached_property
@@ -195,12 +197,16 @@ class GroundShadow:
         at = np.stack([relative @ self.side, relative @ self.across], axis=-1)
         return (at / self.reach + 1) * self.grid / 2
 
-    def at(self, points: np.ndarray) -> np.ndarray:
-        """Return the ratio [P, 3] at points [P, 3] of the ground; exactly 1 outside the square."""
+    def at(self, points: np.ndarray, *, with_beside: bool = False) -> np.ndarray:
+        """Return the ratio [P, 3] at points [P, 3] of the ground; exactly 1 outside the square.
+
+        with_beside: with the shadow of what stands beside the mesh, too.
+        """
+        grid = self.ratio * (1.0 - (1.0 - self.reached) * self._inward()) if with_beside else self.ratio
         cell = self._cells(points - self.foot) - 0.5
         inside = np.isfinite(cell).all(axis=-1) & ((cell >= 0) & (cell < self.grid - 1)).all(axis=-1)
         ratio = np.ones((len(points), 3))
-        ratio[inside] = between(self.ratio, *cell[inside].T)
+        ratio[inside] = between(grid, *cell[inside].T)
         return ratio
 
 
