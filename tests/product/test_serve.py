@@ -172,6 +172,12 @@ def test_a_field_sent_twice_where_one_is_read_is_refused(client, photo, address,
     assert "expected one, got 2" in said["detail"]
 
 
+def test_a_field_in_the_address_is_refused(client, photo):
+    said = refusal(post(client, "/v1/estimate?fov=40", photo))
+    assert said["detail"].startswith("fov: expected it in the form, got it in the address; ")
+    assert post(client, "/v1/mask?format=json&_=1", photo).status_code == 200
+
+
 def test_unknown_fields_are_refused_and_the_nearest_is_named(client, photo):
     assert "did you mean include?" in refusal(post(client, "/v1/estimate", photo, inclde="mask"))["detail"]
     assert refusal(client.post("/v1/estimate", content=photo))["subject"] == ["photo"]

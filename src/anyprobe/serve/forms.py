@@ -127,7 +127,7 @@ def refusal(error: RequestValidationError, address: str) -> InputError:
         known = list(FORMS.get(address, ExportForm).model_fields)
         return InputError(f"expected one of {', '.join(known)}, got {name[:60]!r}{did_you_mean(name, known)}")
     if first["type"] == "missing":
-        return InputError("expected it, got none; send it as a part of the form", subject=name)
+        return InputError(f"expected it, got none; send it as a part of a form (curl -F {name}=...)", subject=name)
     if first["type"] == "literal_error" and "expected" in first["ctx"]:
         known = re.findall("'([^']*)'", first["ctx"]["expected"])
         return InputError(f"expected one of {', '.join(known)}, got {got!r}{did_you_mean(got, known)}", subject=name)
@@ -138,8 +138,10 @@ def refusal(error: RequestValidationError, address: str) -> InputError:
 
 
 async def check_once(request: Request, form: Form) -> None:
-    """Raise InputError for a field that is sent several times where one is read."""
+    """Raise InputError for a field that is sent several times where one is read, or in the address."""
     sent = await request.form()
+    for name in type(form).model_fields.keys() & request.query_params.keys():
+        raise InputError("expected it in the form, got it in the address; send it as a part of the form", subject=name)
     for name in sent:
         count = len(sent.getlist(name))
         if count > 1 and not isinstance(getattr(form, name), list):

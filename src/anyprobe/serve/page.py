@@ -143,7 +143,7 @@ def add_page(app: FastAPI, page: Page, pool: WorkerPool) -> None:
     async def example(name: str) -> Response:
         files = await pool.run(page.example, asyncio.Event().wait)  # others wait for it too
         if f"example/{name}" not in files:
-            raise HTTPException(404, "there is no such page")
+            raise HTTPException(404, "there is no such page; see /api/")
         return Response(files[f"example/{name}"], media_type=MEDIA_TYPES[Path(name).suffix])
 
     @app.api_route("/{name:path}", methods=["GET", "POST", "PUT", "PATCH", "DELETE"], include_in_schema=False)
@@ -181,7 +181,7 @@ def _absent(request: Request) -> HTTPException:
     hidden_routes = [route for route in request.app.routes if route.matches(request.scope)[0] is Match.PARTIAL]
     if hidden_routes:
         return HTTPException(405, headers={"Allow": ", ".join(sorted(hidden_routes[0].methods))})
-    return HTTPException(404, "there is no such page")
+    return HTTPException(404, "there is no such page; see /api/")
 
 
 @cache
