@@ -96,7 +96,7 @@ def self_test(model: str) -> tuple[float, float]:
     toward = np.array([-0.6, 0.6, 0.53])
     radiance = _emitter(toward / np.linalg.norm(toward))
     mask = sphere_normals(128)[1]
-    photo = np.concatenate([np.clip(diffuse(radiance, 128), 0, 1), mask[..., None]], axis=-1).astype(np.float32)
+    photo = np.concatenate([np.clip(diffuse(radiance, len(mask)), 0, 1), mask[..., None]], axis=-1).astype(np.float32)
     estimator = Estimator(model)
     estimator(photo)
     start = time.perf_counter()

@@ -173,16 +173,12 @@ def _rotation(file: str, name: str, frame: dict[str, Any]) -> np.ndarray:
     if values.shape != (4, 4):
         raise InputError(f'{name}: expected a "transform_matrix" of 4 x 4 numbers, got something else', source=file)
     if np.abs(values[3, :3]).max() > TOLERANCE:
-        raise InputError(
-            f"{name}: expected rows, the last one 0 0 0 1, got columns (as of ARKit or three.js); transpose it",
-            source=file,
-        )
+        text = f"{name}: expected rows, the last one 0 0 0 1, got columns (as of ARKit or three.js); transpose it"
+        raise InputError(text, source=file)
     rotation = values[:3, :3]
     off = np.abs(rotation @ rotation.T - np.eye(3)).max()
     if not (off <= TOLERANCE and np.linalg.det(rotation) > 0):  # NaN fails too
-        raise InputError(
-            f"{name}: expected a rotation, got a matrix that is scaled, sheared or mirrored; leave the scale out",
-            source=file,
-        )
+        text = f"{name}: expected a rotation, got a matrix that is scaled, sheared or mirrored; leave the scale out"
+        raise InputError(text, source=file)
     u, _, vh = np.linalg.svd(rotation)
     return u @ vh

@@ -163,20 +163,16 @@ def _open(path: Path, stage: str, threads: int | None, providers: Sequence[str])
         _check_names(path, "inputs", INPUTS, session.get_inputs())
         _check_names(path, "outputs", OUTPUTS, session.get_outputs())
     elif (shape := tuple(session.get_inputs()[0].shape[1:])) != CHAIN_PICTURES[stage]:
-        raise ModelError(
-            f"expected a network of pictures {CHAIN_PICTURES[stage]}, got {shape}; train it in full size",
-            source=path.name,
-        )
+        text = f"expected a network of pictures {CHAIN_PICTURES[stage]}, got {shape}; train it in full size"
+        raise ModelError(text, source=path.name)
     return session
 
 
 def _check_names(path: Path, what: str, expected: tuple[str, ...], found: list) -> None:
     names = tuple(one.name for one in found)
     if names != expected:
-        raise ModelError(
-            f"expected {what} {', '.join(expected)}, got {', '.join(names)}; use weights of this version",
-            source=path.name,
-        )
+        text = f"expected {what} {', '.join(expected)}, got {', '.join(names)}; use weights of this version"
+        raise ModelError(text, source=path.name)
 
 
 def file_hashes(model: str) -> dict[str, str]:

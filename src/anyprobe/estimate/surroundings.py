@@ -42,10 +42,8 @@ def read_panorama(source: SurroundingsSource) -> np.ndarray:
         raise InputError(error, subject="surroundings") from error
     height, width = picture.shape[:2]
     if width != 2 * height:
-        raise InputError(
-            f"expected a panorama twice as wide as high, or {PHOTO!r}, got {width} x {height} pixels",
-            subject="surroundings",
-        )
+        text = f"expected a panorama twice as wide as high, or {PHOTO!r}, got {width} x {height} pixels"
+        raise InputError(text, subject="surroundings")
     if not picture[..., 3].any():
         raise InputError("expected pixels that are not transparent, found none", subject="surroundings")
     small = resample(picture, (2 * MAP_HEIGHT, MAP_HEIGHT))

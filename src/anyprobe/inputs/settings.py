@@ -55,10 +55,8 @@ class Settings:
         named = self.providers.split(",") if isinstance(self.providers, str) else self.providers
         object.__setattr__(self, "providers", tuple(named) or CPU)
         if self.threads is not None and not (isinstance(self.threads, int) and self.threads >= 1):
-            raise InputError(
-                f"expected a whole number of 1 or more, got {self.threads!r}; leave it out to use all cores",
-                subject="threads",
-            )
+            text = f"expected a whole number of 1 or more, got {self.threads!r}; leave it out to use all cores"
+            raise InputError(text, subject="threads")
 
     def changes(self) -> dict[str, Any]:
         """Return the settings that are not defaults."""

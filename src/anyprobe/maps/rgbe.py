@@ -100,10 +100,8 @@ def read_header(data: bytes, name: str, max_pixels: int) -> HdrHeader:
         )
     height, width = int(size[2]), int(size[4])
     if not 0 < height * width <= max_pixels:
-        raise InvalidEnvironment(
-            f"expected at most {max_pixels / 1e6:.0f} million pixels, got {width} x {height}; shrink it first",
-            source=name,
-        )
+        text = f"expected at most {max_pixels / 1e6:.0f} million pixels, got {width} x {height}; shrink it first"
+        raise InvalidEnvironment(text, source=name)
     red, green, blue = exposure.tolist()
     return HdrHeader(
         height=height,

@@ -103,10 +103,8 @@ def read_image(source: ImageSource, name: str | None = None, *, as_data: bool = 
         data = bytes(source)
         return _from_stream(io.BytesIO(data), len(data), name or "bytes", as_data)
     if not isinstance(source, (str, os.PathLike)):
-        raise InvalidPhoto(
-            f"expected a path, bytes, a Pillow image or an array, got {type(source).__name__}; convert it",
-            source=name or "photo",
-        )
+        text = f"expected a path, bytes, a Pillow image or an array, got {type(source).__name__}; convert it"
+        raise InvalidPhoto(text, source=name or "photo")
     path = Path(source)
     with open_regular(source, InvalidPhoto, "an image file") as stream:
         size = os.fstat(stream.fileno()).st_size
@@ -347,10 +345,8 @@ def _from_array(values: np.ndarray, name: str) -> Pixels:
     if values.ndim == 2:
         values = values[..., None]
     if values.ndim != 3 or values.shape[2] not in (1, 3, 4):
-        raise InvalidPhoto(
-            f"expected [height, width] with 1, 3 or 4 channels, got shape {values.shape}; put the channels last",
-            source=name,
-        )
+        text = f"expected [height, width] with 1, 3 or 4 channels, got shape {values.shape}; put the channels last"
+        raise InvalidPhoto(text, source=name)
     check_size(values.shape[1], values.shape[0], name)
     if values.dtype.kind == "u" and values.dtype.itemsize <= 2:
         display = np.divide(values, np.float32(np.iinfo(values.dtype).max), dtype=np.float32)

@@ -154,10 +154,8 @@ def as_material(
     found = material_named(MATTE if material is None else material)
     if roughness is not None:
         if not LEAST_ROUGHNESS <= roughness <= 1:
-            raise InputError(
-                f"expected a number from {LEAST_ROUGHNESS:g} to 1, got {roughness:g}; 0.1 is polished, 1 is matte",
-                subject="roughness",
-            )
+            text = f"expected a number from {LEAST_ROUGHNESS:g} to 1, got {roughness:g}; 0.1 is polished, 1 is matte"
+            raise InputError(text, subject="roughness")
         found = replace(found, alpha=alpha_from_roughness(roughness))
     if albedo is None:
         return found

@@ -271,10 +271,8 @@ def _written(path: Path) -> Iterator[Any]:
         if isinstance(error, AnyprobeError):
             raise
         reason = getattr(error, "strerror", None) or type(error).__name__
-        raise OutputError(
-            f"FFmpeg cannot write it as H.264 ({reason}); install PyAV from the package index, with libx264",
-            source=path,
-        ) from error
+        text = f"FFmpeg cannot write it as H.264 ({reason}); install PyAV from the package index, with libx264"
+        raise OutputError(text, source=path) from error
 
 
 def write_piece(path: Path, frames: Sequence[tuple[float, np.ndarray]]) -> None:

@@ -183,7 +183,5 @@ def _matrix(picture, path: Path) -> int | None:
         return BT2020 if int(picture.color_primaries) == BT2020 else BT709 if hd else BT601
     if said <= MOST_MATRIX and said != YCGCO:
         return said
-    raise InputError(
-        f"expected RGB or YCbCr colours, got others (matrix {said} of ITU-T H.273); convert it to SDR first",
-        source=path,
-    )
+    text = f"expected RGB or YCbCr colours, got others (matrix {said} of ITU-T H.273); convert it to SDR first"
+    raise InputError(text, source=path)
