@@ -10,7 +10,7 @@ from support.refused import refused
 
 from anyprobe.core.resample import resample
 from anyprobe.errors import InvalidMask
-from anyprobe.masks.find import doubt, expected_iou, find_mask
+from anyprobe.masks.find import DOUBTFUL, doubt, expected_iou, find_mask
 from anyprobe.masks.search import Looks, Prompts, find_object
 from anyprobe.pictures.images import read_image
 
@@ -146,3 +146,16 @@ def test_what_speaks_against_a_mask_lowers_what_to_expect_and_is_named():
     assert "second look" in doubt(replace(good, agreed=0.1))
     assert "box cuts" in doubt(bad)
     assert "blurred" in doubt(replace(good, cover=good.cover / 2))
+
+
+def test_an_outline_across_which_the_picture_hardly_changes_is_doubted():
+    class Certain(Redness):
+        def cover(self, rgb, on=(), off=(), box=None):
+            return (super().cover(rgb) > 0.5).astype(np.float32)
+
+    fading = LARGE * np.linspace(1.2, -1.2, WIDTH, dtype=np.float32).clip(0, 1)
+    whole, half = (find_object(Looks(Certain(), photo(cover)), Prompts()) for cover in (LARGE, fading))
+    assert (whole.flat, expected_iou(whole) > 0.9) == (0.0, True)
+    assert half.flat > 0.2
+    assert expected_iou(half) < DOUBTFUL
+    assert "hardly changes" in doubt(half)

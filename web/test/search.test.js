@@ -82,6 +82,20 @@ test("what speaks against a mask lowers what to expect, and is named", async () 
   assert.match(doubtOf({ ...good, cover: good.cover.map((value) => value / 2) }), /blurred/);
 });
 
+test("an outline across which the picture hardly changes is doubted", async () => {
+  const network = redness();
+  const certain = { ...network, cover: async (seen) => ({ ...(await network.cover(seen)), values: (await network.cover(seen)).values.map((value) => (value > 0.5 ? 1 : 0)) }) };
+  const fading = photo(LARGE);
+  for (let i = 0; i < WIDTH * HEIGHT; i++) {
+    const share = Math.min(Math.max(1.2 - (2.4 * (i % WIDTH)) / (WIDTH - 1), 0), 1);
+    [77, 90, 102].forEach((wall, c) => (fading.rgba[4 * i + c] = wall + share * (fading.rgba[4 * i + c] - wall)));
+  }
+  const [whole, half] = [await findObject(new Looks(certain, photo(LARGE)), NOTHING), await findObject(new Looks(certain, fading), NOTHING)];
+  assert.ok(whole.flat === 0 && expectedIou(whole) > 0.9);
+  assert.ok(half.flat > 0.2 && expectedIou(half) < 0.7, `${half.flat}`);
+  assert.match(doubtOf(half), /hardly changes/);
+});
+
 test("a further click looks only nearer", async () => {
   const network = redness();
   let count = 0;

@@ -32,6 +32,9 @@ DOUBTFUL = QUALITY["doubtful"]
 CUT = QUALITY["cut"]
 """How much Finding.cut lowers the expected IoU, chosen by the same."""
 
+FLAT = QUALITY["flat"]
+"""Finding.flat above which a mask is doubtful, chosen by the same."""
+
 REFUSED = QUALITY["refused"]
 """Expected IoU below which a mask is refused."""
 
@@ -172,6 +175,7 @@ def reasons(found: Finding) -> dict[str, float]:
         "its outline is blurred": found.expected(),
         "a second look finds something else": (1 + found.agreed) / 2,
         "the box cuts it off, and should be around all of it": 1 / (1 + CUT * found.cut),
+        "the picture hardly changes across its outline": DOUBTFUL if found.flat > FLAT else 1.0,
     }
 
 

@@ -46,6 +46,9 @@ SPLIT = NUMBERS["split"]
 BLANK = NUMBERS["blank"]
 """Smallest range of display values of a window that is searched."""
 
+ALIKE = NUMBERS["alike"]
+"""Difference of display values [Euclidean] below which the picture hardly changes across an outline."""
+
 Box = tuple[float, float, float, float]
 
 
@@ -124,6 +127,7 @@ class Finding:
         part: [GRID, GRID] bool, the object's cells.
         agreed: IoU of two looks' parts, 1 after a single look.
         cut: length of its outline that a given box cuts off from more of it, over the perimeter of its box.
+        flat: share of its outline across which the picture hardly changes.
     """
 
     window: Window
@@ -131,6 +135,7 @@ class Finding:
     part: np.ndarray
     agreed: float = 1.0
     cut: float = 0.0
+    flat: float = 0.0
 
     def expected(self) -> float:
         """Return the expected IoU of the part if the cover of its cells and of those near it are probabilities."""
@@ -265,8 +270,23 @@ def look_closer(looks: Looks, found: Finding, prompts: Prompts) -> Finding:
     known = Finding(window=window, cover=before, part=kept > INSIDE)
     second = choose(window, again, prompts)
     agreed = 0.0 if second is None else iou(known.part, second.part)
-    mean = choose(window, (before + again) / 2, prompts)
-    return replace(known if mean is None else mean, agreed=agreed, cut=found.cut)
+    last = choose(window, (before + again) / 2, prompts) or known
+    return replace(last, agreed=agreed, cut=found.cut, flat=_flat_share(looks.rgb, window, last.part))
+
+
+def _flat_share(rgb: np.ndarray, window: Window, part: np.ndarray) -> float:
+    """Return Finding.flat of a part, by cells to either side of its outline."""
+    colors, apart = _colors(rgb, window, GRID), 2 * EDGE_CELLS
+    changes = [
+        np.linalg.norm(values[apart:] - values[:-apart], axis=-1)[inside[apart:] != inside[:-apart]]
+        for values, inside in ((colors, part), (colors.swapaxes(0, 1), part.T))
+    ]
+    return float((np.concatenate(changes) < ALIKE).sum() / max(sum(map(len, changes)), 1))
+
+
+def _colors(rgb: np.ndarray, window: Window, grid: int) -> np.ndarray:
+    """Return a window's display values [grid, grid, 3]."""
+    return resample(rgb[window.y0 : window.y1, window.x0 : window.x1], (grid, grid), smooth=True)
 
 
 def _around_clicks(looks: Looks, prompts: Prompts) -> Finding | None:
@@ -295,7 +315,7 @@ def _cut(rgb: np.ndarray, window: Window, cover: np.ndarray, prompts: Prompts) -
     if uncut is None:
         return None
     grid = SPLIT["grid"]
-    colors = resample(rgb[window.y0 : window.y1, window.x0 : window.x1], (grid, grid), smooth=True)
+    colors = _colors(rgb, window, grid)
     part = resample(uncut.part.astype(np.float32), (grid, grid), smooth=True) > INSIDE
     shrink = grid / GRID
     on, off = (

@@ -9,6 +9,7 @@
  * @property {Float32Array} cover GRID * GRID in [0, 1], without other parts
  * @property {Uint8Array} part of it that it is, 1 inside
  * @property {number} agreed IoU of what two looks found, 1 after one
+ * @property {number} flat share of its outline across which the picture hardly changes
  * @property {number} cut length of its outline that a box cuts off from more of it, over the perimeter of its box
  */
 
@@ -102,24 +103,17 @@ export function maskOf({ window: [x0, y0, x1, y1], cover, part }, width, height)
 /** IoU to expect of a finding if the cover of each cell is a probability: of the part and what is beside it. */
 export function expectedOf({ cover, part }) {
   const near = grow(part, GRID, 2 * EDGE_CELLS);
-  let [inside, count, beside] = [0, 0, 0];
-  for (let i = 0; i < CELLS; i++) {
-    if (part[i]) {
-      inside += cover[i];
-      count++;
-    } else if (near[i]) beside += cover[i];
-  }
-  return inside / Math.max(count + beside, 1e-6);
+  const sum = (weight) => cover.reduce((total, value, i) => total + weight(value, i), 0);
+  const [inside, count] = [sum((value, i) => part[i] * value), sum((_, i) => part[i])];
+  return inside / Math.max(count + sum((value, i) => (part[i] ? 0 : near[i] * value)), 1e-6);
 }
 
 /** Cells of a part on each side of its window that is not the photo's, over the sides of its box. */
 function borderShare({ window, part }, photo) {
   let total = 0;
   const sides = [(i) => i * GRID, (i) => i, (i) => i * GRID + GRID - 1, (i) => (GRID - 1) * GRID + i];
-  sides.forEach((cell, side) => {
-    if (window[side] === photo[side]) return;
-    for (let i = 0; i < GRID; i++) total += part[cell(i)];
-  });
+  const cut = sides.filter((_, side) => window[side] !== photo[side]);
+  for (const cell of cut) for (let i = 0; i < GRID; i++) total += part[cell(i)];
   const [left, top, right, bottom] = objectBox(part, GRID);
   return total / (2 * (right - left + bottom - top));
 }
@@ -160,7 +154,7 @@ export function choose(window, cover, { on, off }) {
   if (!chosen.size) return null;
   const isChosen = Uint8Array.from(sizes, (_, label) => (chosen.has(label) ? 1 : 0));
   const part = fillHoles(new Uint8Array(CELLS).map((_, i) => isChosen[labels[i]]), GRID);
-  return { window, cover: cover.map((value, i) => (labels[i] && !part[i] ? 0 : value)), part, agreed: 1, cut: 0 };
+  return { window, cover: cover.map((value, i) => (labels[i] && !part[i] ? 0 : value)), part, agreed: 1, cut: 0, flat: 0 };
 }
 
 /** The mean of a finding and a mirrored look at its window alone. */
@@ -174,8 +168,25 @@ async function lookCloser(looks, found, hints) {
   const known = { ...found, window, cover: before, part: insideParts(kept) };
   const second = choose(window, again, hints);
   const agreed = second ? iou(known.part, second.part) : 0;
-  const mean = choose(window, before.map((value, i) => (value + again[i]) / 2), hints);
-  return { ...(mean ?? known), agreed, cut: found.cut };
+  const last = choose(window, before.map((value, i) => (value + again[i]) / 2), hints) ?? known;
+  return { ...last, agreed, cut: found.cut, flat: flatShare(looks.picture, last) };
+}
+
+/** Share of a part's outline, by cells to either side of it, across which the picture hardly changes. */
+function flatShare(picture, { window, part }) {
+  const [change, apart, changes] = [changesOf(picture, window, GRID), 2 * EDGE_CELLS, []];
+  for (let i = 0; i < CELLS; i++) {
+    const right = (i % GRID) + apart < GRID ? i + apart : i;
+    for (const other of [right, i + apart * GRID]) if (part[i] === 1 - part[other]) changes.push(change(i, other));
+  }
+  return changes.filter((one) => one < NUMBERS.alike).length / Math.max(changes.length, 1);
+}
+
+/** What says how far the colours of two cells of a window are apart, of grid * grid. */
+function changesOf(picture, window, grid) {
+  const { width, height, rgba } = cropOf(picture, window, false);
+  const colors = resize(rgba, 4, [width, height], [grid, grid]);
+  return (a, b) => Math.hypot(...[0, 1, 2].map((c) => (colors[4 * a + c] - colors[4 * b + c]) / 255));
 }
 
 /** What stands out in windows that are known, or around the clicks: the likeliest that a window's border does not cut. */
@@ -202,20 +213,16 @@ function cut(picture, window, cover, hints) {
   const plain = choose(window, cover, { ...hints, off: [] });
   if (!plain) return null;
   const { grid } = SPLIT;
-  const { width, height, rgba } = cropOf(picture, window, false);
-  const colors = resize(rgba, 4, [width, height], [grid, grid]);
+  const change = changesOf(picture, window, grid);
   const part = resize(Float32Array.from(plain.part), 1, [GRID, GRID], [grid, grid]).map((value) => (value > INSIDE ? 1 : 0));
   const coarse = (points) => cellsOf(window, points).map((cell) => cell.map((at) => Math.floor((at * grid) / GRID)));
   let [on, off] = [coarse(hints.on), coarse(hints.off)];
   if (!on.length) {
-    let [farthest, most] = [0, -1];
-    part.forEach((value, i) => {
-      const away = value ? Math.min(...off.map(([x, y]) => Math.hypot((i % grid) - x, Math.floor(i / grid) - y))) : -1;
-      if (away > most) [farthest, most] = [i, away];
-    });
+    const away = Array.from(part, (_, i) => Math.min(...off.map(([x, y]) => Math.hypot((i % grid) - x, Math.floor(i / grid) - y))));
+    const farthest = away.reduce((best, value, i) => (part[i] > part[best] || (part[i] && value > away[best]) ? i : best), 0);
     on = [[farthest % grid, Math.floor(farthest / grid)]];
   }
-  const [mine, others] = [distance(colors, part, on), distance(colors, part, off)];
+  const [mine, others] = [distance(change, part, on), distance(change, part, off)];
   const nearer = resize(mine.map((length, i) => (length < others[i] ? 1 : 0)), 1, [grid, grid], [GRID, GRID]);
   const kept = plain.part.map((value, i) => (value && nearer[i] > INSIDE ? 1 : 0));
   if (!kept.includes(1)) return null;
@@ -223,13 +230,12 @@ function cut(picture, window, cover, hints) {
 }
 
 /** Shortest way from the seeds within a part, counting steps and changes of colour; infinite beside it. */
-function distance(colors, part, seeds) {
+function distance(change, part, seeds) {
   const { grid, step, click_cells: reach } = SPLIT;
   const isNear = (i) => seeds.some(([x, y]) => Math.max(Math.abs((i % grid) - x), Math.abs(Math.floor(i / grid) - y)) < reach);
   const length = Float64Array.from(part, (value, i) => (value && isNear(i) ? 0 : Infinity));
-  const change = (a, b) => step + Math.hypot(...[0, 1, 2].map((c) => (colors[4 * a + c] - colors[4 * b + c]) / 255));
-  const across = Float64Array.from(length, (_, i) => (i % grid ? change(i, i - 1) : Infinity));
-  const down = Float64Array.from(length, (_, i) => (i >= grid ? change(i, i - grid) : Infinity));
+  const across = Float64Array.from(length, (_, i) => (i % grid ? step + change(i, i - 1) : Infinity));
+  const down = Float64Array.from(length, (_, i) => (i >= grid ? step + change(i, i - grid) : Infinity));
   let isMoving = true;
   const pass = (i, from, cost) => {
     if (!part[i] || !(length[from] + cost < length[i])) return;
@@ -323,19 +329,11 @@ function mirrored(values, width, channels = 1) {
 
 function rangeOf(rgba) {
   let [least, most] = [Infinity, -Infinity];
-  for (let i = 0; i < rgba.length; i++) {
-    if (i % 4 === 3) continue;
-    if (rgba[i] < least) least = rgba[i];
-    if (rgba[i] > most) most = rgba[i];
-  }
+  for (let i = 0; i < rgba.length; i++) if (i % 4 < 3) [least, most] = [Math.min(least, rgba[i]), Math.max(most, rgba[i])];
   return most - least;
 }
 
 function iou(one, other) {
-  let [both, either] = [0, 0];
-  for (let i = 0; i < one.length; i++) {
-    if (one[i] && other[i]) both++;
-    if (one[i] || other[i]) either++;
-  }
-  return both / Math.max(either, 1);
+  const count = (of) => one.reduce((total, value, i) => total + of(value, other[i]), 0);
+  return count((a, b) => a & b) / Math.max(count((a, b) => a | b), 1);
 }
