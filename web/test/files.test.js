@@ -22,3 +22,10 @@ test("a map of another size than is said is refused", async () => {
     await assert.rejects(encodeExr(radiance, height), { ...refused, message });
   }
 });
+
+test("plain numbers are written, and what is below zero as black", async () => {
+  const map = new Float32Array(6 * 16).fill(0.5);
+  assert.deepEqual(await encodeExr([...map], 4), await encodeExr(map, 4));
+  const [below, black] = [-0.1, 0].map((value) => encodeHdr(map.with(7, value), 4));
+  assert.deepEqual(below, black);
+});

@@ -20,6 +20,7 @@ test("harmonics, normals and lights that are none are refused", () => {
     assert.throws(() => groundShadowOpacity(nothing, [0, 1, 0]), refused(/^light: expected one of probe\.estimate, got /));
     assert.throws(() => new ProbeLight().update(nothing), refused(/^light: expected one/));
   }
+  assert.throws(() => groundShadowOpacity(light), refused("normal: expected [x, y, z] of length 1, got undefined"));
   assert.throws(() => new ProbeLight().track(null), refused(/^probe: expected what AnyProbe\.load gives, .* got undefined/));
   assert.throws(() => new EnvironmentTexture().update(light.radiance), refused(/^levels: expected light\.prefiltered/));
   new EnvironmentTexture().update(light.prefiltered);

@@ -15,7 +15,7 @@ export async function encodeExr(radiance, height) {
   const data = new Float32Array(4 * width * height).fill(1);
   for (let row = 0; row < height; row++) {
     let to = 4 * width * (height - 1 - row); // a texture's first row is the lowest
-    for (let from = 3 * width * row; from < 3 * width * (row + 1); from += 3, to += 4) data.set(radiance.subarray(from, from + 3), to);
+    for (let from = 3 * width * row; from < 3 * width * (row + 1); from += 3, to += 4) data.set(radiance.slice(from, from + 3), to);
   }
   const texture = new DataTexture(data, width, height, RGBAFormat, FloatType);
   return new EXRExporter().parse(texture, { type: FloatType, compression: ZIP_COMPRESSION });

@@ -37,5 +37,5 @@ function rgbe(radiance, at) {
   if (largest < 1e-32) return [0, 0, 0, 0];
   let exponent = Math.floor(Math.log2(largest)) + 1;
   if (Math.round((largest * 256) / 2 ** exponent) > 255) exponent += 1;
-  return [...rgb.map((value) => Math.min(Math.round((value * 256) / 2 ** exponent), 255)), exponent + 128];
+  return [...rgb.map((value) => Math.min(Math.max(Math.round((value * 256) / 2 ** exponent), 0), 255)), exponent + 128];
 }

@@ -33,8 +33,9 @@ export function checkIsLight(light) {
 export function groundShadowOpacity(light, up) {
   checkIsLight(light);
   const { dominant, sh9 } = light;
+  const ofGround = luminance(...irradiance(sh9, up));
   const cosine = Math.max(dominant.direction.reduce((sum, value, i) => sum + value * up[i], 0), 0);
   const ofDominant = luminance(...dominant.irradiance) * cosine;
-  const ofAll = Math.max(luminance(...irradiance(sh9, up)), ofDominant, 1e-6);
+  const ofAll = Math.max(ofGround, ofDominant, 1e-6);
   return shadowOpacity(Math.min(ofDominant / ofAll, MOST_SHARE));
 }

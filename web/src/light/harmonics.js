@@ -72,9 +72,7 @@ export function irradiance(coefficients, normal) {
   if (!isUnit) throw wrong("normal", "[x, y, z] of length 1", normal?.length ? `[${[...normal].join(", ")}]` : typeof normal);
   const sum = [0, 0, 0];
   shBasis(...normal).forEach((y, i) => {
-    for (let channel = 0; channel < 3; channel++) {
-      sum[channel] += COSINE_LOBE[i] * coefficients[3 * i + channel] * y;
-    }
+    for (let channel = 0; channel < 3; channel++) sum[channel] += COSINE_LOBE[i] * coefficients[3 * i + channel] * y;
   });
   return sum;
 }
