@@ -77,7 +77,7 @@ def draw(scene: Scene) -> None:
     """Write photo, photo with spheres, and panorama in one picture."""
     before = anyprobe.load_photo(ROOT / "examples" / scene.photo, box=scene.box)
     light = anyprobe.estimate(before)
-    around = light.panorama(256, frame="camera").radiance * np.float32(least_scale(before, light.radiance))
+    around = light.panorama(256, frame="camera", lit=True).radiance * np.float32(least_scale(before, light.radiance))
     after = before
     for material, foot in scene.spheres.items():
         arrangement = Arrangement(size=scene.scale, at=foot, ground=light.ground)

@@ -79,7 +79,7 @@ def main() -> None:
         photo, truth, _ = photograph(scene)
         light = estimator.from_photo(photo)
         gain = np.float32(least_scale(photo, light.radiance))
-        panorama = light.panorama(MAP_ROWS, frame="camera").radiance * gain
+        panorama = light.panorama(MAP_ROWS, frame="camera", lit=True).radiance * gain
         stage = Stage(photo, open_object("sphere"))
         relit = [stage.relit(one, scene.inserted) for one in (panorama, truth)]
         path = DOCS / "gallery" / f"{scene.name.replace(', ', '_').replace(' ', '_')}.jpg"

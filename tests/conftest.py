@@ -124,8 +124,8 @@ def small_results(monkeypatch) -> None:
     monkeypatch.setattr("anyprobe.session.draw_preview", lambda panorama, *_: np.clip(panorama.radiance, 0, 1))
     full = Light.panorama
 
-    def panorama(light: Light, size: int = 64, *, frame: str = "level") -> Panorama:
-        return full(light, 64 if size in PANORAMA_SIZES else size, frame=frame)
+    def panorama(light: Light, size: int = 64, **given: object) -> Panorama:
+        return full(light, 64 if size in PANORAMA_SIZES else size, **given)
 
     monkeypatch.setattr(Light, "panorama", panorama)
 

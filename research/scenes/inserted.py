@@ -116,7 +116,7 @@ def _row(layout: Layout, path: Path, estimator: Estimator) -> dict[str, Any] | N
     free = (before.mask < 0.01) & ~silhouette(view, truly)
     truth = shade_of(true_ratio, free, view, truly)
     stages = {
-        ESTIMATED: (stage, light.panorama(frame="camera").radiance),
+        ESTIMATED: (stage, light.panorama(frame="camera", lit=True).radiance),
         TRUE: (seen_by(stage, view, truly), taken.truth),
     }
     ways = {

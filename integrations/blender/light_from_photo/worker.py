@@ -109,7 +109,7 @@ def estimate(order: dict, folder: Path) -> dict:
         radiance, lines = best_panorama(light, order["library"])
         warnings += lines
     elif order["detail"]:
-        radiance = light.panorama(PLACE_ROWS, frame="camera").radiance
+        radiance = light.panorama(PLACE_ROWS, frame="camera", lit=True).radiance
     say(folder, 0.9, "Writing the maps")
     turn = np.array(order["turn"]) if order["turn"] else turned(order["heading_deg"], view.up)
     foot, (x0, y0, x1, y1) = view.on_ground(*contact_of(photo.mask)), object_box(photo.mask)

@@ -254,4 +254,4 @@ def _radiance(
 
 def _mirrored_map(light: Light) -> np.ndarray:
     """Return the map that an inserted object mirrors, in the camera's frame."""
-    return light.panorama(PANORAMA_ROWS, frame="camera").radiance
+    return light.panorama(PANORAMA_ROWS, frame="camera", lit=True).radiance

@@ -202,22 +202,23 @@ class Light:
             return turned
         return replace(turned, confidence=rotate(self.confidence[..., None], rotation)[..., 0].clip(0.0, 1.0))
 
-    def panorama(self, size: int = DRAWN_ROWS, *, frame: str = LEVEL) -> Panorama:
+    def panorama(self, size: int = DRAWN_ROWS, *, frame: str = LEVEL, lit: bool = False) -> Panorama:
         """Return one picture of the place, `size` x 2 `size`: the photo where it is seen, and this light elsewhere.
 
-        What is not known is smooth; the nine harmonics of its luminance are this light's.
+        What is not known is smooth; its mean luminance is this light's.
 
         Args:
             size: rows, one of place.panorama.PANORAMA_SIZES.
             frame: "level", +Y is up as far as the camera's pitch and roll are known, or "camera", the frame of
                 radiance. A light that was rotated keeps its own frame.
+            lit: whether luminance has all nine harmonics of this light, to render with; it looks less like the place.
         Raises:
             InputError: another size or frame.
         """
         check_rows(size)
         is_level, turn = self._panorama_frame(frame)
         turned, from_camera = in_frame(self.radiance, turn), turn @ self.map_from_camera
-        radiance, origin = compose(turned, self.plate, from_camera, size)
+        radiance, origin = compose(turned, self.plate, from_camera, size, lit=lit)
         said = {key: str(value) for key, value in frame_of(from_camera).items()}
         said |= {"scale": SCALE, "model": self.origin.model or ""}
         return Panorama(

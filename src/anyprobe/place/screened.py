@@ -2,7 +2,7 @@
 
 Sought is x with the least
 
-    sum over pixels of a w (x - t)^2 + integral of (reach_phi dx/ds_phi)^2 + (reach_theta dx/ds_theta)^2
+    sum over pixels of a w (x - t)^2 + integral of (reach_phi dx/dphi)^2 + (reach_theta dx/dtheta)^2
 
 t are values, w their weights and a solid angles. Where w is 0, x is stretched between its neighbours like a membrane;
 where w is 1 and t is 0, it fades out over its reach. The normal equations are (w a + K) x = w a t with the five-point
@@ -29,7 +29,7 @@ def screened(values: np.ndarray, weight: np.ndarray, reach: np.ndarray) -> np.nd
 
     Args:
         values: t [R, 2R, C]. weight: w [R, 2R].
-        reach: [2, C] angles [radians] along azimuth and elevation.
+        reach: [2] angles [radians] along azimuth and elevation.
     """
     rows = len(values)
     grid, found = min(COARSEST, rows), None
@@ -48,8 +48,8 @@ def _solve(x: np.ndarray, t: np.ndarray, w: np.ndarray, reach: np.ndarray) -> np
     rows, step = len(x), np.pi / len(x)
     x, t, w = (np.ascontiguousarray(np.moveaxis(one, -1, 0), np.float32) for one in (x, t, w))
     edges = np.sin(np.arange(1, rows) * step)  # length of each edge between rows
-    across = (reach[0, :, None] ** 2 / np.sin((np.arange(rows) + 0.5) * step)).astype(np.float32)[..., None]
-    down = (reach[1, :, None] ** 2 * edges).astype(np.float32)[..., None]
+    across = (reach[0] ** 2 * np.sin((np.arange(rows) + 0.5) * step)).astype(np.float32)[:, None]
+    down = (reach[1] ** 2 * edges).astype(np.float32)[:, None]
     diagonal = w + 2 * across
     diagonal[:, :-1] += down
     diagonal[:, 1:] += down
