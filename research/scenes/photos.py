@@ -33,11 +33,14 @@ class Key:
 
 
 def scene_photos(data: Path, part: str, kept: Path, families: tuple[str, ...] = FAMILIES) -> Iterator[WholePhoto]:
-    """Yield the photos of a part; those that kept / scenes-part lacks are rendered and put there."""
+    """Yield the photos of a part that show their object; those that kept / scenes-part lacks are rendered and put
+    there."""
     store = store_of(data, part)
     for family in families:
         for number in range(COUNTS[family]):
-            yield _photo(store, part, family, number, kept / f"scenes-{part}" / f"{family}-{number:03d}.npz")
+            photo = _photo(store, part, family, number, kept / f"scenes-{part}" / f"{family}-{number:03d}.npz")
+            if photo.mask.any():
+                yield photo
 
 
 def _photo(store: AssetStore, part: str, family: str, number: int, path: Path) -> WholePhoto:
