@@ -123,16 +123,21 @@ def test_a_drawn_source_has_its_power_and_stands_in_its_place() -> None:
     powers = torch.log(power[:, None].expand(1, 3, 3) + POWER_FLOOR)
     shown, density = torch.full((1, 3, 64, 128), -40.0), torch.zeros(1, 1, 64, 128)
     radius = torch.full((1, 3), float(np.log(10.0)))
-    radiance, expected = drawing(shown, torch.log(power + POWER_FLOOR), density, direction, exists, radius, powers)
+    logit = 60 * (drawing.place_directions @ direction[0, 0]) + drawing.ln_place_angles
+    places = torch.log_softmax(logit, dim=0).expand(1, 3, -1)
+    light = shown, torch.log(power + POWER_FLOOR), density
+    radiance, expected = drawing(*light, direction, exists, radius, powers, places)
     total = (radiance * drawing.solid_angles).sum(dim=(2, 3))
     assert torch.allclose(total, power, rtol=1e-3)
     assert torch.allclose((expected * drawing.solid_angles).sum(dim=(2, 3)), power, rtol=1e-3)
     half = radiance[0, 0] > radiance[0, 0].max() / 2
     area = float((drawing.solid_angles[0, 0] * half).sum())
     assert area == pytest.approx(2 * np.pi * (1 - np.cos(np.radians(10))), rel=0.12)
-    logit = 60 * (drawing.place_directions @ direction[0, 0]) + drawing.ln_place_angles
-    places = torch.log_softmax(logit, dim=0).expand(1, 3, -1)
     assert (drawing.directions(places)[0, 0] @ direction[0, 0]) > np.cos(np.radians(1.0))
+    away = torch.tensor([[[0.4, 0.7, -0.5], [-0.4, 0.7, 0.5], [-0.4, 0.7, 0.5]]])
+    away = torch.nn.functional.normalize(away, dim=2)
+    alone, _ = drawing(*light, away, torch.full((1, 3), 30.0), radius, powers, places)
+    assert torch.allclose(alone, radiance, rtol=1e-3)  # the others are not where they would be drawn
 
 
 def test_losses_of_the_truth_are_nothing(net: LeanNet) -> None:

@@ -46,7 +46,7 @@ def both_ways(net: LeanNet, inputs: LightInputs) -> LightAnswer:
     mean["normals"] = F.normalize(mean["normals"], dim=1)
     drawing = net.drawing
     mean["directions"] = drawing.directions(mean["places"])
-    drawn = ("ln_shown", "ln_power", "density", "directions", "exists", "ln_radius", "ln_powers")
+    drawn = ("ln_shown", "ln_power", "density", "directions", "exists", "ln_radius", "ln_powers", "places")
     radiance, expected = drawing(*(mean[name] for name in drawn))
     return replace(LightAnswer(**mean), ln_radiance=torch.log(radiance), ln_expected=torch.log(expected))
 

@@ -9,6 +9,7 @@ from torch.nn import functional as F
 
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.light.environment import MAP_HEIGHT
+from anyprobe_train.evaluate.metrics import WITHIN_DEG
 from anyprobe_train.nets.emitter_head import POWER_FLOOR
 
 SLOTS = 3
@@ -78,20 +79,36 @@ class MapDrawing(nn.Module):
         exists: torch.Tensor,
         ln_radius: torch.Tensor,
         ln_powers: torch.Tensor,
+        places: torch.Tensor,
     ) -> tuple[torch.Tensor, torch.Tensor]:
-        """Return radiance [N, 3, 64, 128] with sources in their size, and with all power by its density."""
+        """Return radiance [N, 3, 64, 128] with sources in their size, and with all power by its density.
+
+        The first source is drawn, and others that are likelier than not to be where they are drawn; these get the
+        power of all.
+        """
         shown, above = torch.exp(ln_shown.clamp(max=0.0)), power_of(ln_power)
         spread = torch.exp(density - density.amax(dim=(2, 3), keepdim=True))
         disc = self.discs(directions, ln_radius)  # [N, S, 8192]
+        is_drawn = self.is_there(places, directions, exists)
         powers = torch.sigmoid(exists)[..., None] * power_of(ln_powers)
+        whole, powers = powers.sum(dim=1, keepdim=True), powers * is_drawn[..., None]
+        powers = powers * (whole / powers.sum(dim=1, keepdim=True).clamp(min=1e-6))
         scale = (above / powers.sum(dim=1).clamp(min=1e-6)).clamp(max=1.0)
         powers = powers * scale[:, None]
         sources = (powers.transpose(1, 2) @ self._even(disc)).unflatten(2, (MAP_HEIGHT, 2 * MAP_HEIGHT))
-        covered = (torch.sigmoid(exists)[..., None] * disc).amax(dim=1, keepdim=True)
+        covered = ((is_drawn * torch.sigmoid(exists))[..., None] * disc).amax(dim=1, keepdim=True)
         rest = spread * (1.0 - covered).unflatten(2, (MAP_HEIGHT, 2 * MAP_HEIGHT))
         left = (above - powers.sum(dim=1)).clamp(min=0.0)[:, :, None, None]
         expected = shown + above[:, :, None, None] * self._shares(spread)
         return shown + sources + left * self._shares(rest), expected
+
+    def is_there(self, places: torch.Tensor, directions: torch.Tensor, exists: torch.Tensor) -> torch.Tensor:
+        """Return 1 for the first source and for those that are likelier than not to exist within WITHIN_DEG of their
+        direction, else 0: [N, S]."""
+        near = (directions @ self.place_directions.T > float(np.cos(np.radians(WITHIN_DEG)))).float()
+        likely = torch.sigmoid(exists) * (torch.exp(places) * near).sum(dim=2)
+        others = (likely[:, 1:] > 0.5).float()
+        return torch.cat([torch.ones_like(others[:, :1]), others], dim=1)
 
     def discs(self, directions: torch.Tensor, ln_radius: torch.Tensor) -> torch.Tensor:
         """Return how much of each map pixel each source covers [N, S, 8192], with a soft edge."""
