@@ -13,7 +13,8 @@ from anyprobe.core.response import inverse_response
 from anyprobe.estimate.photo import load_photo
 from anyprobe.relight.ground_map import GroundPicture
 from anyprobe.relight.insert import Arrangement, Stage
-from anyprobe.relight.real_body import real_body
+from anyprobe.relight.near_ground import Points, Surroundings
+from anyprobe.relight.real_body import likely_bodies, real_body
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.shapes import sphere
 
@@ -101,6 +102,33 @@ def test_a_matte_ball_in_the_real_objects_shade_is_dark(stage, body):
     alone = stage.on(replace(stage.photo, mask=np.zeros_like(stage.photo.mask)))
     dark, lit = (one.draw(light, "matte")[..., :3].sum() for one in (stage, alone))
     assert dark < 0.75 * lit
+
+
+def test_likely_bodies_are_wider_and_narrower_and_as_high(stage, body):
+    likely = likely_bodies(body, stage.view.up)
+    across = [np.ptp(one.positions @ np.cross(stage.view.up, [0.0, 0.0, 1.0])) for one in (body, *likely)]
+    assert np.mean(across[1:]) == pytest.approx(across[0])
+    assert np.std(across[1:]) > 0.1 * across[0]
+    for one in likely:
+        np.testing.assert_allclose(one.positions @ stage.view.up, body.positions @ stage.view.up, atol=1e-9)
+
+
+def test_the_edge_of_the_real_objects_shade_is_soft(stage, body):
+    """Only one of its sides is seen: how wide it is, is not known."""
+    surroundings = Surroundings(
+        GroundPicture(stage.photo, stage.view, np.ones((16, 32, 3), np.float32)),
+        stage.placement,
+        stage.shadow(np.ones((16, 32, 3), np.float32), 8, 32),
+        body,
+    )
+    toward = body.positions.mean(axis=0) - stage.placement.foot
+    toward /= np.linalg.norm(toward)
+    across = np.cross(stage.view.up, toward)
+    line = stage.placement.foot + np.linspace(-2, 2, 400)[:, None] * np.ptp(body.positions @ across) * across
+    points = Points(mask=np.ones((20, 20), bool), at=line, n=0 * line + across, wo=0 * line + across)
+    past = surroundings.open_shares(points, toward[None], np.full((1, 3), 100.0))
+    assert past.min() == 0
+    assert ((past > 0.2) & (past < 0.8)).sum() > 20
 
 
 def test_a_mirror_ball_shows_the_ground_its_shadow_the_object_and_the_map(stage):

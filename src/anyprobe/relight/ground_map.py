@@ -13,7 +13,7 @@ from PIL import Image, ImageFilter
 
 from anyprobe.core.color import luminance
 from anyprobe.core.frames import orthonormal_basis
-from anyprobe.core.latlong import bilinear, direction_to_uv, uv_to_direction
+from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
 from anyprobe.core.response import inverse_response, response
 from anyprobe.estimate.photo import Photo
 from anyprobe.relight.ground_view import View
@@ -100,17 +100,14 @@ def with_ground(ground: GroundPicture, spot: Placement, shadow: GroundShadow) ->
     view, radiance = ground.view, ground.radiance
     times = max(1, _ROWS // radiance.shape[0])
     light = radiance.repeat(times, axis=0).repeat(times, axis=1)  # power is neither lost nor moved
-    rows = light.shape[0]
-    v, u = ((np.arange(n) + 0.5) / n for n in (rows, 2 * rows))
-    directions = uv_to_direction(np.stack(np.meshgrid(u, v), axis=-1))
+    directions = pixel_directions(len(light))
     sine = directions @ view.up
-    share = np.clip(0.5 - sine * rows / np.pi, 0.0, 1.0)  # of a pixel below the horizon
+    share = np.clip(0.5 - sine * len(light) / np.pi, 0.0, 1.0)  # of a pixel below the horizon
     below = share > 0
     height = float(((spot.mesh.positions - spot.foot) @ view.up).max()) / 2
     toward = directions[below]
     landed = spot.foot + height * view.up + toward * (height / np.maximum(-sine[below], 1e-3))[:, None]
-    seen = ground.at(landed, shadow)
     weight = share[below][:, None]
     result = light.astype(np.float32, copy=True)
-    result[below] = result[below] * (1 - weight) + seen * weight
+    result[below] = result[below] * (1 - weight) + ground.at(landed, shadow) * weight
     return result

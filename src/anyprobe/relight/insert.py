@@ -285,7 +285,7 @@ class Stage:
         shadow = GroundShadow(spot.mesh, spot.foot, spot.radius, self.view.up, radiance, count, grid, beside=beside)
         if not self.shows_ground:
             return shadow
-        return shadow.as_seen(seen_ground(self.photo, self.view, shadow.points()))
+        return shadow.as_seen(seen_ground(self.photo, self.view, shadow.points(shadow.grid)))
 
     def _real(self) -> Mesh | None:
         return real_body(self.photo, self.view, self.placement)

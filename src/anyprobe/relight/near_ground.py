@@ -30,6 +30,7 @@ from anyprobe.light.octahedral import Pyramid, lookup_rgb
 from anyprobe.paper.equations import ggx_distribution, schlick_weight
 from anyprobe.relight.ground_map import GroundPicture, radiance_at, with_ground
 from anyprobe.relight.placement import Placement
+from anyprobe.relight.real_body import likely_bodies
 from anyprobe.relight.shadow import GroundShadow
 from anyprobe.render.integrate import PATCHES, emitters_specular, lobe_lod, lobe_samples, shading_pyramid
 from anyprobe.render.mesh import Mesh
@@ -44,7 +45,7 @@ if TYPE_CHECKING:
 
 COARSE, COARSER = 128, 32
 """Sides [px] of the pictures in which light is hidden, and in which the ground is near."""
-DIRECTIONS, LOBE_RAYS, NEAR_RAYS = 192, 8, 96
+DIRECTIONS, LOBE_RAYS, NEAR_RAYS = 192, 8, 64
 """Numbers of directions of parallel light, of rays of a lobe, and of rays of the cosine, from each of their points."""
 OFF_SURFACE, OFF_SHARP = 1.5, 0.375
 """Distances from the surface, in the longest sides of cells, from which points look: at cells, and at shadow maps,
@@ -106,7 +107,8 @@ class Surroundings:
 
     def __init__(self, ground: GroundPicture, spot: Placement, shadow: GroundShadow, beside: Mesh | None) -> None:
         """Keep all of them; beside: the real object, in the photo's frame."""
-        self.ground, self.spot, self.shadow, self.beside = ground, spot, shadow, beside
+        self.ground, self.spot, self.shadow = ground, spot, shadow
+        self.likely = [] if beside is None else likely_bodies(beside, ground.view.up)
         self.lit = with_ground(ground, spot, shadow)
         self.light = reduced(np.asarray(self.lit, np.float32), LIGHT_ROWS)
         volume = np.linalg.det(spot.mesh.positions[spot.mesh.faces] - spot.foot).sum()
@@ -122,11 +124,8 @@ class Surroundings:
         """
         photo, view = self.ground.photo, self.ground.view
         corners = beside.positions[beside.faces]
-        middle, n = (
-            corners.mean(axis=1),
-            normalize(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])),
-        )
-        n *= np.sign((n * (middle - beside.positions.mean(axis=0))).sum(axis=1, keepdims=True))
+        middle, n = corners.mean(axis=1), np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        n = normalize(n) * np.sign((n * (middle - beside.positions.mean(axis=0))).sum(axis=1, keepdims=True))
         column, row = np.clip(view.pixels(middle), 0, [view.width - 1, view.height - 1]).astype(int).T
         seen = (photo.mask[row, column] > 0.5) & ((n * middle).sum(axis=1) < 0)
         shown, lit = radiance_at(photo, row, column), self.irradiance(n)
@@ -141,18 +140,19 @@ class Surroundings:
         """Return where points look from, off the surface."""
         return points.at + distance * self.own.cell.max() * points.n
 
-    def open_shares(self, points: Points, directions: np.ndarray, power: np.ndarray) -> list[Float[np.ndarray, "P D"]]:
-        """Return how much light passes the object itself to its points, and how much the real one.
+    def open_shares(self, points: Points, directions: np.ndarray, power: np.ndarray) -> Float[np.ndarray, "P D"]:
+        """Return how much light passes the object itself and the real one to its points.
 
         power: [D, 3], radiance times solid angle of each direction; STRONG ones cast sharp shadows.
         """
         sharp = luminance(power) > STRONG * luminance(integral(self.light))
-        shares = [np.ones((len(points.at), len(directions)), np.float32) for _ in range(2)]
-        for share, mesh, body in zip(shares, (self.spot.mesh, self.beside), (self.own, self.real), strict=True):
-            if mesh is not None and body is not None:
-                share[:, sharp] = sharp_shares(mesh, self.off(points, OFF_SHARP), directions[sharp]).T
-                share[:, ~sharp] = open_shares(body, self.off(points), directions[~sharp]).T
-        return shares
+        share = np.ones((len(points.at), len(directions)), np.float32)
+        for meshes, body in (([self.spot.mesh], self.own), (self.likely, self.real)):
+            if body is not None:
+                each = [sharp_shares(mesh, self.off(points, OFF_SHARP), directions[sharp]) for mesh in meshes]
+                share[:, sharp] *= np.mean(each, axis=0).T
+                share[:, ~sharp] *= open_shares(body, self.off(points), directions[~sharp]).T
+        return share
 
     def nearer(
         self, points: Points, material: Material, open_share: np.ndarray
@@ -185,8 +185,8 @@ class Surroundings:
         rest = _looked_up(pyramid, around, lobe_lod(even, DIRECTIONS, pyramid))
         directions = np.concatenate([around, pyramid.emitters])
         power = np.concatenate([rest * each, pyramid.emitter_power])
-        own, real = self.open_shares(points, directions, power)
-        cosine, passed = np.maximum(points.n @ directions.T.astype(np.float32), 0.0), own * real
+        cosine = np.maximum(points.n @ directions.T.astype(np.float32), 0.0)
+        passed = self.open_shares(points, directions, power)
         hidden = (cosine * (1.0 - passed))[:, :DIRECTIONS].sum(axis=1, keepdims=True) * each / np.pi
         return (cosine * passed @ power) / np.maximum(cosine @ power, 1e-9), hidden
 
@@ -220,8 +220,8 @@ class Surroundings:
                 terms = [one + other for one, other in zip(terms, lit, strict=True)]
             return material.f0 * terms[0] + (1.0 - material.f0) * terms[1]
 
-        own, real = self.open_shares(points, pyramid.emitters, pyramid.emitter_power)
-        kept = reflected(np.where(hidden[:, None], 0.0, of_map), own * real)
+        passed = self.open_shares(points, pyramid.emitters, pyramid.emitter_power)
+        kept = reflected(np.where(hidden[:, None], 0.0, of_map), passed)
         return kept, reflected(of_map, 1.0), reflected(more)
 
     def _bodies_along(
@@ -250,10 +250,10 @@ class Surroundings:
         lod = lobe_lod(np.full(len(n), ggx_distribution(1.0, material.alpha) / 4), 1, pyramid)
         fresnel = material.f0 + (1.0 - material.f0) * schlick_weight(-(n * rays).sum(axis=1))[:, None]
         middle = self.spot.mesh.positions[self.spot.mesh.faces[faces]].mean(axis=1)
-        own, real = self.open_shares(Points(mask=faces >= 0, at=middle, n=n, wo=-rays), emitters, power)
+        passed = self.open_shares(Points(mask=faces >= 0, at=middle, n=n, wo=-rays), emitters, power)
         cosine = np.maximum(n @ emitters.T, 0.0)
-        irradiance = np.maximum(self.irradiance(n) - cosine @ power, 0.0) * open_share + cosine * own * real @ power
-        lit = emitters_specular(pyramid, n, -rays, material.alpha, own * real)[1:]
+        irradiance = np.maximum(self.irradiance(n) - cosine @ power, 0.0) * open_share + cosine * passed @ power
+        lit = emitters_specular(pyramid, n, -rays, material.alpha, passed)[1:]
         of_emitters = material.f0 * lit[0] + (1.0 - material.f0) * lit[1]
         base = material.albedo * (1.0 - material.f0) * irradiance / np.pi
         return base + fresnel * _looked_up(pyramid, reflect(-rays, n), lod) + of_emitters

@@ -18,7 +18,7 @@ import numpy as np
 
 from anyprobe.core.color import luminance
 from anyprobe.core.frames import orthonormal_basis, world_from_local
-from anyprobe.core.latlong import bilinear, direction_to_uv, uv_to_direction
+from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
 from anyprobe.core.resample import between, resample
 from anyprobe.core.sampling import hammersley, square_to_cosine_hemisphere
 from anyprobe.light.environment import reduced
@@ -28,7 +28,7 @@ from anyprobe.render.surface import cover
 from anyprobe.render.voxels import open_shares, voxelize
 
 NUM_DIRECTIONS = 192
-SHADOW_CELLS = 256
+SHADOW_CELLS = 320
 BACK_DIRECTIONS, BACK_CELLS = 64, 48
 """Number of directions and grid side of the light that the mesh sends to the ground."""
 REACH = 5.0
@@ -63,14 +63,10 @@ def sample_sky(radiance: np.ndarray, up: np.ndarray, count: int = NUM_DIRECTIONS
         channel; they sum to 1, or to 0 where a channel is black.
     """
     radiance = reduced(radiance)
-    height = radiance.shape[0]
     # pixels cut into 4 x 4, so that cos and the horizon are right in pixels that the horizon crosses
-    v, u = ((np.arange(4 * n) + 0.5) / (4 * n) for n in (height, 2 * height))
-    uv = np.stack(np.meshgrid(u, v), axis=-1)
-    d = uv_to_direction(uv)
-    cosine = d @ up
     light = np.repeat(np.repeat(radiance, 4, axis=0), 4, axis=1)
-    sine = np.sin(np.pi * v)[:, None]
+    d = pixel_directions(len(light))
+    cosine, sine = d @ up, np.hypot(d[..., 0], d[..., 2])
     power = luminance(light) * np.where(cosine > LEAST_COSINE, cosine, 0.0) * sine
     rows = np.cumsum(power.sum(axis=1))
     if not rows[-1] > 0:
@@ -81,9 +77,9 @@ def sample_sky(radiance: np.ndarray, up: np.ndarray, count: int = NUM_DIRECTIONS
     column = np.array(
         [np.searchsorted(sums, x * sums[-1], side="right") for sums, x in zip(columns, numbers[:, 1], strict=True)]
     )
-    row, column = np.minimum(row, len(v) - 1), np.minimum(column, len(u) - 1)
-    drawn, times = np.unique(row * len(u) + column, return_counts=True)  # a sun's pixel is drawn many times
-    row, column = np.divmod(drawn, len(u))
+    row, column = np.minimum(row, len(d) - 1), np.minimum(column, 2 * len(d) - 1)
+    drawn, times = np.unique(row * 2 * len(d) + column, return_counts=True)  # a sun's pixel is drawn many times
+    row, column = np.divmod(drawn, 2 * len(d))
     color = light[row, column].astype(np.float64)
     weights = color * (times / luminance(color))[:, None]
     return d[row, column], weights / np.maximum(weights.sum(axis=0), 1e-12)
@@ -131,34 +127,32 @@ class GroundShadow:
             kept = others[0] if others else np.zeros_like(own)
             reached[kept] -= weight
             remaining[own | kept] -= weight
-        unshadowed = (remaining / np.maximum(reached, LEAST_LIT)).reshape(self.grid, self.grid, 3)
-        unshadowed[(reached < LEAST_LIT).reshape(unshadowed.shape)] = 1.0
-        self.reached = reached.reshape(unshadowed.shape)
-        return 1.0 - (1.0 - np.clip(unshadowed, 0.0, 1.0)) * self._inward()
+        unshadowed = np.where(reached < LEAST_LIT, 1.0, remaining / np.maximum(reached, LEAST_LIT))
+        self.reached = reached.reshape(self.grid, self.grid, 3)
+        return 1.0 - (1.0 - np.clip(unshadowed.reshape(self.reached.shape), 0.0, 1.0)) * self._inward()
 
     def _inward(self) -> np.ndarray:
         """Return weights [G, G, 1] that fade at the edge."""
         at = np.abs((np.arange(self.grid) + 0.5) / self.grid * 2 - 1)
         return np.clip((1 - np.maximum.outer(at, at)) / (1 - FADE), 0.0, 1.0)[..., None]
 
-    def points(self) -> np.ndarray:
-        """Return the middles of the cells, [G * G, 3]."""
-        x = ((np.arange(self.grid) + 0.5) / self.grid * 2 - 1) * self.reach
+    def points(self, count: int) -> np.ndarray:
+        """Return the middles of count x count cells of the square, [count * count, 3]."""
+        x = ((np.arange(count) + 0.5) / count * 2 - 1) * self.reach
         return (self.foot + x[None, :, None] * self.side + x[:, None, None] * self.across).reshape(-1, 3)
 
     def as_seen(self, seen: np.ndarray) -> GroundShadow:
         """Return the shadow with the depth and colour that the shadow of what stands beside is seen to have.
 
-        seen: radiance of the ground at points(), [G * G, 3], NaN where it is not seen.
+        seen: radiance of the ground at points(grid), [G * G, 3], NaN where it is not seen.
         """
-        reached, known = self.reached.reshape(-1, 3), np.isfinite(seen).all(axis=-1)
-        lost = 1.0 - luminance(reached)
+        lost, known = 1.0 - luminance(self.reached).ravel(), np.isfinite(seen).all(axis=-1)
         shaded, lit = known & (lost > SHADED), known & (lost < LIT)
         if min(shaded.sum(), lit.sum()) < LEAST_SEEN * len(lost):
             return self
         left, expected = (
             np.quantile(of[shaded], DEEP, axis=0) / np.maximum(np.median(of[lit], axis=0), 1e-3)
-            for of in (seen, reached)
+            for of in (seen, self.reached.reshape(-1, 3))
         )
         other = copy(self)
         depth = np.clip((1.0 - left) / np.maximum(1.0 - expected, 1e-3), *DEPTHS)
@@ -179,9 +173,7 @@ class GroundShadow:
     def _mesh_share(self) -> np.ndarray:
         """The share of what the ground sees, weighted by the cosine, that is the mesh, [G, G, 1]."""
         toward = world_from_local(square_to_cosine_hemisphere(hammersley(BACK_DIRECTIONS)), self.up[None])
-        x = ((np.arange(BACK_CELLS) + 0.5) / BACK_CELLS * 2 - 1) * self.reach
-        points = self.foot + x[None, :, None] * self.side + x[:, None, None] * self.across
-        hidden = 1.0 - open_shares(voxelize(self.mesh), points.reshape(-1, 3), toward).mean(axis=0)
+        hidden = 1.0 - open_shares(voxelize(self.mesh), self.points(BACK_CELLS), toward).mean(axis=0)
         larger = resample(hidden.reshape(BACK_CELLS, BACK_CELLS), (self.grid, self.grid), smooth=True)
         return larger[..., None] * self._inward()
 
@@ -198,10 +190,8 @@ class GroundShadow:
         return (at / self.reach + 1) * self.grid / 2
 
     def at(self, points: np.ndarray, *, with_beside: bool = False) -> np.ndarray:
-        """Return the ratio [P, 3] at points [P, 3] of the ground; exactly 1 outside the square.
-
-        with_beside: with the shadow of what stands beside the mesh, too.
-        """
+        """Return the ratio [P, 3] at points [P, 3] of the ground, with the shadow of what stands beside the mesh, too,
+        if asked; exactly 1 outside the square."""
         grid = self.ratio * (1.0 - (1.0 - self.reached) * self._inward()) if with_beside else self.ratio
         cell = self._cells(points - self.foot) - 0.5
         inside = np.isfinite(cell).all(axis=-1) & ((cell >= 0) & (cell < self.grid - 1)).all(axis=-1)
