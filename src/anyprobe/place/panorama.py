@@ -5,9 +5,9 @@
 P is the photo without its object and s its share, which fades out towards its border and its object, so that nothing
 seems cut off. x is nearest to ln P where the photo is seen and to ln E beyond it, and smooth, along the horizon more
 than across it: one screened Poisson equation (place.screened). E is the estimate without its strong sources, blurred.
-Lights that the estimate only guesses thus leave no glow of their own. Smoothing takes light, which the strong sources
-are given back, or where there are none what is beyond the photo: the mean luminance is the estimate's. A panorama to
-render with is instead given the estimate's nine harmonics of luminance, by a smooth gain with the least change.
+Lights that the estimate only guesses thus leave no glow of their own. Smoothing takes light: two gains, of the strong
+sources and of what is not seen, which is held to 1, bring irradiance near to the estimate's. A panorama to render with
+is instead given the estimate's nine harmonics of luminance, by a smooth gain with the least change.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from anyprobe.core.response import response
 from anyprobe.errors import InputError, OutputError
 from anyprobe.light.environment import MAP_HEIGHT, enlarged_map, integral, reduced, rotate
 from anyprobe.light.filtering import blur_cosine_power
-from anyprobe.light.harmonics import project, sh_basis
+from anyprobe.light.harmonics import COSINE_LOBE, project, sh_basis
 from anyprobe.light.light_sources import LightSource, draw_sources, split_sources
 from anyprobe.maps.radiance import write_exr, write_hdr
 from anyprobe.pictures.images import write_png
@@ -147,7 +147,7 @@ def compose(
         estimate: [H, 2H, 3] in the panorama's frame.
         plate: the photo without its object; None where it shows nothing but the object.
         frame_from_camera: [3, 3].
-        lit: whether luminance has all nine harmonics of the estimate, to render with, not its mean alone.
+        lit: whether luminance has all nine harmonics of the estimate, to render with.
     """
     if plate is None and len(estimate) > MAP_HEIGHT:  # a map from elsewhere, which is sharp
         nothing = np.zeros((rows, 2 * rows, 1), np.float32)
@@ -162,10 +162,12 @@ def compose(
     if lit:
         radiance = with_moments(picture * (1 - seen), picture * seen + lights, project(estimate), 1 - continued)
     else:
-        free = lights if lights.any() else picture * (1 - continued)
-        lack = total - float(luminance(integral(picture + lights)))
-        more = np.clip(1 + lack / float(luminance(integral(free)) + LEAST_WEIGHT), 1 / MOST_GAIN, MOST_GAIN)
-        radiance = picture + lights + (more - 1) * free
+        parts = picture * seen, picture * (1 - seen), lights
+        seen_only, beyond, strongest = (COSINE_LOBE * luminance(project(part)) for part in parts)
+        lack, weight = COSINE_LOBE * luminance(project(estimate)) - seen_only, np.linalg.norm(beyond)
+        equations = np.vstack([np.stack([beyond, strongest], axis=1), [weight, 0.0]])  # the last: a gain of 1
+        gains = np.linalg.lstsq(equations, np.append(lack, weight), rcond=None)[0].clip(1 / MOST_GAIN, MOST_GAIN)
+        radiance = parts[0] + gains[0] * parts[1] + gains[1] * parts[2]
     return np.maximum(radiance, 0.0).astype(np.float32), origin.astype(np.float32)
 
 
