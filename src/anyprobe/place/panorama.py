@@ -165,7 +165,7 @@ def compose(
         parts = picture * seen, picture * (1 - seen), lights
         seen_only, beyond, strongest = (COSINE_LOBE * luminance(project(part)) for part in parts)
         lack, weight = COSINE_LOBE * luminance(project(estimate)) - seen_only, np.linalg.norm(beyond)
-        equations = np.vstack([np.stack([beyond, strongest], axis=1), [weight, 0.0]])  # the last: a gain of 1
+        equations = np.stack([np.append(beyond, weight), np.append(strongest, 0.0)], axis=1)  # the last: a gain of 1
         gains = np.linalg.lstsq(equations, np.append(lack, weight), rcond=None)[0].clip(1 / MOST_GAIN, MOST_GAIN)
         radiance = parts[0] + gains[0] * parts[1] + gains[1] * parts[2]
     return np.maximum(radiance, 0.0).astype(np.float32), origin.astype(np.float32)
