@@ -111,7 +111,7 @@ def test_several_lights_have_a_folder_each(command, light_path, work):
     ("arguments", "words"),
     [
         (("--to", "maya"), ("expected any of three, blender", "'maya'")),
-        (("--to", ""), ("expected any of three",)),
+        (("--to", ""), ("got an empty one",)),
         (("--to", "usd,,three"), ("expected any of three", "''")),
         (("--to", "all,maya"), ("expected any of three", "'maya'")),
         (("--to", "usd", "--world-from-camera", "1,2,3,4"), ("YAW,ELEVATION", "'1,2,3,4'")),
