@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from anyprobe.core.color import luminance
-from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
+from anyprobe.core.latlong import pixel_directions, pixel_solid_angles, uv_to_direction
 from anyprobe.core.response import response
 from anyprobe.errors import InputError, OutputError
 from anyprobe.light.environment import MAP_HEIGHT, enlarged_map, integral, reduced, rotate
@@ -162,12 +162,13 @@ def compose(
     if lit:
         radiance = with_moments(picture * (1 - seen), picture * seen + lights, project(estimate), 1 - continued)
     else:
-        parts = picture * seen, picture * (1 - seen), lights
-        seen_only, beyond, strongest = (COSINE_LOBE * luminance(project(part)) for part in parts)
+        small = (reduced(part, MAP_HEIGHT) for part in (picture * seen, picture * (1 - seen), lights))
+        seen_only, beyond, strongest = (COSINE_LOBE * luminance(project(part)) for part in small)
         lack, weight = COSINE_LOBE * luminance(project(estimate)) - seen_only, np.linalg.norm(beyond)
         equations = np.stack([np.append(beyond, weight), np.append(strongest, 0.0)], axis=1)  # the last: a gain of 1
         gains = np.linalg.lstsq(equations, np.append(lack, weight), rcond=None)[0].clip(1 / MOST_GAIN, MOST_GAIN)
-        radiance = parts[0] + gains[0] * parts[1] + gains[1] * parts[2]
+        around, source = gains.astype(np.float32)
+        radiance = picture * (seen + around * (1 - seen)) + source * lights
     return np.maximum(radiance, 0.0).astype(np.float32), origin.astype(np.float32)
 
 
@@ -243,16 +244,21 @@ def _newton(light: np.ndarray, y: np.ndarray, force: np.ndarray, lack: np.ndarra
 
 
 def lobes_of(sources: Iterable[LightSource], cover: np.ndarray, picture: np.ndarray) -> np.ndarray:
-    """Return light sources [R, 2R, 3], brightest in their middle and fading out, that spread as much as their discs.
+    """Return light sources [R, 2R, 3], brightest in their middle and fading out, that spread as much as their discs:
+    they are down to a quarter a fourth of the disc's radius from its middle.
 
     cover: [R, 2R, 1] share of the picture [R, 2R, 3] that is seen, where only clipped pixels are sources.
     """
-    d, angles = pixel_directions(len(picture)), pixel_solid_angles(len(picture))
+    rows = len(picture)
+    angles, polar = pixel_solid_angles(rows), np.pi * (np.arange(rows)[:, None] + 0.5) / rows
+    u = (np.arange(2 * rows) + 0.5) / (2 * rows)
+    level = uv_to_direction(np.stack([u, np.full_like(u, 0.5)], axis=-1))
     free = np.where(luminance(picture) > AS_SOURCE, 1.0, 1.0 - cover[..., 0])
     drawn = np.zeros_like(picture)
     for source in sources:
-        radius = max(np.radians(source.radius_deg), np.pi / len(picture))
-        shape = (1 + 32 * np.maximum(1 - d @ source.direction, 0.0) / radius**2) ** -2.0 * angles
+        radius = max(np.radians(source.radius_deg), np.pi / rows)
+        cosine = np.sin(polar) * (level @ source.direction) + np.cos(polar) * source.direction[1]
+        shape = angles / (1 + 32 * np.maximum(1 - cosine, 0.0) / radius**2) ** 2
         kept = float((shape * free).sum() / shape.sum())
         if kept > LEAST_FREE:
             drawn += (shape * free / angles / (kept * shape.sum()))[..., None] * source.power
