@@ -22,9 +22,10 @@ from support.scenes import sphere_photo
 import anyprobe
 from anyprobe.cli.app import app
 from anyprobe.cli.estimate import Done, _report
+from anyprobe.cli.photo_files import joined
 from anyprobe.files import atomic
 from anyprobe.maps.radiance import read_radiance
-from anyprobe.notices import Notice
+from anyprobe.notices import Notice, give
 
 SUFFIXES = {".exr", ".hdr", ".json", ".png", "_panorama.exr", "_origin.png"}
 pytestmark = pytest.mark.usefixtures("small_masks")
@@ -132,6 +133,19 @@ def test_what_is_doubted_of_several_photos_is_one_line(capsys):
     _report([done(name) for name in stems], Console(stderr=True, width=300), Path("out"))
     said = [line for line in capsys.readouterr().err.splitlines() if line.startswith("warning: ")]
     assert said == ["warning: 80 photos: no field of view", "warning: a.png, b.png: dark", "warning: all"]
+
+
+def test_a_kind_of_warning_is_said_once_with_what_differs():
+    def wrong(name: str, why: str) -> Notice:
+        text = f"the mask may be wrong: {why}; check it"
+        return Notice(text, code="mask-doubtful", source=name, remedy=give("box"))
+
+    lost = Notice("the mask does not hold the click at 3,9; remove it", code="mask-doubtful", source="a.png")
+    given = [wrong("a.png", "61% of it"), lost, wrong("b.png", "a box cuts"), wrong("c.png", "61% of it")]
+    assert list(joined(given)) == [
+        "the mask may be wrong: 61% of it (a.png, c.png), a box cuts (b.png); check it; pass box=",
+        str(lost),
+    ]
 
 
 @pytest.mark.ci

@@ -300,6 +300,19 @@ def test_mask_command_by_depth(tmp_path, monkeypatch, command):
     np.testing.assert_array_equal(np.asarray(Image.open("masks/a_mask.png")) > 127, depth == 700)
 
 
+def test_a_warning_about_several_photos_is_one_line(tmp_path, monkeypatch, command):
+    monkeypatch.chdir(tmp_path)
+    for name in ("a", "b"):
+        Image.new("RGB", (160, 120), "grey").save(f"{name}.png")
+        depth = np.zeros((120, 160), np.uint16)
+        depth[30:60, 40:70] = 700
+        Image.fromarray(depth).save(f"{name}_depth.png")
+    outcome = command("mask", "a.png", "b.png", "--depth", ".", "--near", "500")
+    assert outcome.status == 0
+    (warning,) = outcome.err.splitlines()
+    assert warning.startswith("warning: a.png, b.png: the object is only 30 x 30 pixels")
+
+
 def test_results_among_the_photos_are_not_photos(tmp_path, monkeypatch, command):
     """A second run over the folder does what the first did; an overlay of no photo is one."""
     monkeypatch.chdir(tmp_path)

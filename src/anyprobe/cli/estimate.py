@@ -25,17 +25,12 @@ from anyprobe.errors import AnyprobeError, InputError, InvalidPhoto
 from anyprobe.files.atomic import check_folder
 from anyprobe.files.paths import open_regular
 from anyprobe.inputs.hints import Hints
-from anyprobe.notices import Notice, as_notice
 from anyprobe.place.panorama import check_rows
 
 if TYPE_CHECKING:
     from anyprobe.estimate.estimator import Estimator
     from anyprobe.estimate.photo import Photo
     from anyprobe.estimate.result import Light
-
-
-MOST_NAMED = 20
-"""Most photos that are named: whose results are, or that a warning is about."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -208,19 +203,9 @@ def _report(results: list[Done], console: Console, out: Path) -> None:
     print_table(console, table)
     written = [result.stem for result in results if not result.error]
     if written:  # on a line of its own, which a narrow terminal does not cut into pieces
-        stems = "" if len(written) == 1 else f"; <stem> is {_some(written)}"
+        stems = "" if len(written) == 1 else f"; <stem> is {photo_files.some(written)}"
         stem = "<stem>" if stems else written[0]
         files = ", ".join(f"{stem}{suffix}" for suffix in session.PICTURED.values())
         console.print(f"results: {out / files}{stems}", soft_wrap=True)
-    said: dict[Notice, dict[str, None]] = {}
-    for warning in map(as_notice, chain.from_iterable(result.warnings for result in results)):
-        said.setdefault(warning.of(""), {})[warning.source] = None
-    for warning, names in said.items():
-        about = f"{len(names)} photos" if len(names) > MOST_NAMED else ", ".join(names)
-        console.print(f"warning: {options.OPTIONS.line(warning.of(about))}", soft_wrap=True)
-
-
-def _some(names: list[str]) -> str:
-    """Return up to MOST_NAMED names, and how many more there are."""
-    more = len(names) - MOST_NAMED
-    return ", ".join(names[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
+    for warning in photo_files.joined(chain.from_iterable(result.warnings for result in results)):
+        console.print(f"warning: {options.OPTIONS.line(warning)}", soft_wrap=True)

@@ -44,21 +44,21 @@ def mask(
     marked = photo_files.marks_of(marks, paths)
     photo_files.check_distinct(paths)
     check_folder(out)
-    failed = False
+    failed, warnings = False, []
     for path in paths:
         try:
-            summary = _write(path, out, photo_files.hints_for(path, hints, marked), paths, segmenter)
+            summary, doubts = _write(path, out, photo_files.hints_for(path, hints, marked), paths, segmenter)
             if as_json:
                 print(json.dumps(summary), flush=True)
             elif not quiet:
                 print(_line(summary))
-            for warning in [] if quiet else summary["warnings"]:
-                print(f"warning: {warning}", file=sys.stderr)
-            failed |= place.strict and bool(summary["warnings"])
+            warnings += doubts
         except AnyprobeError as error:
             print(f"anyprobe: {photo_files.photo_line(path, error)}", file=sys.stderr)
             failed = True
-    if failed:
+    for warning in () if quiet else photo_files.joined(warnings):
+        print(f"warning: {OPTIONS.line(warning)}", file=sys.stderr)
+    if failed or (place.strict and warnings):
         sys.exit(2)
 
 
@@ -67,8 +67,10 @@ def _line(summary: dict[str, Any]) -> str:
     return f"{summary['mask']}: by {summary['source']}, {100 * summary['share']:.0f} % of the photo{comment}"
 
 
-def _write(path: Path, out: Path, hints: Hints, listed: list[Path], segmenter: NetworkSource | None) -> dict[str, Any]:
-    """Write one photo's two files; return how the mask was found, for JSON."""
+def _write(
+    path: Path, out: Path, hints: Hints, listed: list[Path], segmenter: NetworkSource | None
+) -> tuple[dict[str, Any], list[str]]:
+    """Write one photo's two files; return how the mask was found, for JSON, and what is doubted."""
     from anyprobe.estimate.doubts import scale_doubts
     from anyprobe.estimate.sheet import draw_overlay
     from anyprobe.masks.find import find_mask
@@ -81,15 +83,14 @@ def _write(path: Path, out: Path, hints: Hints, listed: list[Path], segmenter: N
     overlay = draw_overlay(pixels.rgb, found.mask, found.prompts.on, found.prompts.off)
     write_png(targets["overlay"], overlay)
     write_png(targets["mask"], found.mask)
-    return {
+    doubts = [*pixels.warnings, *scale_doubts(pixels.radiance, pixels.name), *found.warnings]
+    summary = {
         "photo": str(path),
         "mask": str(targets["mask"]),
         "source": found.source,
         "confidence": None if found.confidence is None else round(float(found.confidence), 4),
         "said": found.verdict,
         "share": round(float((found.mask > 0.5).mean()), 4),
-        "warnings": [
-            OPTIONS.line(one)
-            for one in (*pixels.warnings, *scale_doubts(pixels.radiance, pixels.name), *found.warnings)
-        ],
+        "warnings": [OPTIONS.line(one) for one in doubts],
     }
+    return summary, doubts

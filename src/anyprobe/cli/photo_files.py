@@ -6,10 +6,12 @@ Marks are boxes and clicks, in a CSV file with a row for each photo.
 from __future__ import annotations
 
 import csv
+import re
 import sys
 from codecs import BOM_UTF16_BE, BOM_UTF16_LE
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from os.path import commonprefix
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +21,7 @@ from anyprobe.errors import AnyprobeError, InputError, InvalidMask, InvalidPhoto
 from anyprobe.files.paths import composed, is_same_file, open_regular, read_regular, read_stream, visible_files
 from anyprobe.inputs.hints import HINTS, PICTURES, Hints
 from anyprobe.maps.image_io import open_image
+from anyprobe.notices import Notice, as_notice
 from anyprobe.session import Shot
 
 STDIN = Path("-")
@@ -27,6 +30,9 @@ STDIN = Path("-")
 COLUMNS = ("photo", "box", "click", "exclude")
 MAX_BYTES = 2**24
 """Longest file of marks."""
+
+MOST_NAMED = 20
+"""Most photos that are named: whose results are, or that a warning is about."""
 
 Marks = Mapping[str, Mapping[str, Any]]
 """Hints by a photo's name without folders, composed."""
@@ -56,6 +62,36 @@ def photo_line(photo: Path, error: AnyprobeError) -> str:
     else:
         line = f"{photo}: {OPTIONS.line(notice)}"
     return " ".join(line.splitlines())  # a name may hold a line break
+
+
+def joined(warnings: Iterable[str]) -> Iterator[Notice]:
+    """Return one warning of each kind, about all photos that it concerns; words in which they differ are listed."""
+    kinds: dict[Any, dict[Notice, dict[str, None]]] = {}
+    for warning in map(as_notice, warnings):
+        text = warning.of("")
+        kind = (warning.code, warning.subject, warning.remedy) if warning.code not in ("", "doubt") else text
+        kinds.setdefault(kind, {}).setdefault(text, {})[warning.source] = None
+    for texts in kinds.values():
+        (first, photos), *others = texts.items()
+        if not others:
+            yield first.of(_about(photos))
+            continue
+        words = [re.findall(r"[^\s;:]+|[\s;:]", one.text) for one in texts]
+        head = commonprefix(words)
+        tail = commonprefix([one[len(head) :][::-1] for one in words])[::-1]
+        own = ["".join(one[len(head) : len(one) - len(tail)]) for one in words]
+        listed = ", ".join(f"{one} ({_about(photos)})" for one, photos in zip(own, texts.values(), strict=True))
+        yield Notice("".join([*head, listed, *tail]), code=first.code, subject=first.subject, remedy=first.remedy)
+
+
+def _about(names: Collection[str]) -> str:
+    return f"{len(names)} photos" if len(names) > MOST_NAMED else ", ".join(names)
+
+
+def some(names: Sequence[str]) -> str:
+    """Return up to MOST_NAMED names, and how many more there are."""
+    more = len(names) - MOST_NAMED
+    return ", ".join(names[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
 def hints_for(photo: Path, hints: Hints, marks: Marks | None = None) -> Hints:
