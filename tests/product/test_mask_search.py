@@ -101,6 +101,32 @@ def test_a_click_finds_what_only_stands_out_in_a_window_around_it():
     assert iou(found(rgb, network, click=(250, 150)), LITTLE) > 0.95
 
 
+def test_a_click_on_what_the_whole_look_missed_takes_two_looks_more():
+    network = Redness(least=0.1)
+    find_object(Looks(network, photo(disc(250, 150, 45))), Prompts(on=[(250, 150)]))
+    assert len(network.looks) == 3
+
+
+def test_a_further_click_takes_no_look_where_one_before_shows_the_object():
+    network = Redness()
+    looks = Looks(network, photo(LARGE, LITTLE, disc(20, 20, 8)))
+    counts = []
+    for on in ([], [(100, 110)], [(250, 150)], [(100, 110), (250, 150)], [(20, 20)]):
+        mask = find_object(looks, Prompts(on=on)).mask(WIDTH, HEIGHT)
+        counts.append(len(network.looks))
+    assert counts == [2, 2, 2, 2, 3]  # what is small in them is looked at closer
+    assert iou(mask, disc(20, 20, 8)) > 0.9
+
+
+def test_a_further_click_on_what_was_found_around_the_last_one_takes_no_look():
+    network = Redness(least=0.1)
+    looks = Looks(network, photo(LITTLE))
+    first = find_object(looks, Prompts(on=[(250, 150)]))
+    taken = len(network.looks)
+    again = find_object(looks, Prompts(on=[(262, 160)]))
+    assert (len(network.looks), again.window) == (taken, first.window)
+
+
 def test_an_excluding_click_on_the_one_part_cuts_it_along_colours():
     left, right = disc(110, 120, 50), disc(200, 120, 45)
     rgb = photo(left, right)

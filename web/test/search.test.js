@@ -96,16 +96,24 @@ test("an outline across which the picture hardly changes is doubted", async () =
   assert.match(doubtOf(half), /hardly changes/);
 });
 
-test("a further click looks only nearer", async () => {
+test("a further click takes no look where one before shows the object", async () => {
   const network = redness();
   let count = 0;
-  const looks = new Looks({ ...network, cover: (...given) => (count++, network.cover(...given)) }, photo(LARGE, LITTLE));
+  const looks = new Looks({ ...network, cover: (...given) => (count++, network.cover(...given)) }, photo(LARGE, LITTLE, disc(20, 20, 8)));
   const counts = [];
-  for (const hints of [{}, { on: [[100, 110]] }, { on: [[250, 150]] }]) {
-    await findObject(looks, { ...NOTHING, ...hints });
+  for (const on of [[], [[100, 110]], [[250, 150]], [[100, 110], [250, 150]], [[20, 20]]]) {
+    await findObject(looks, { ...NOTHING, on });
     counts.push(count);
   }
-  assert.deepEqual(counts, [2, 2, 3]);
+  assert.deepEqual(counts, [2, 2, 2, 2, 3]); // what is small in them is looked at closer
+});
+
+test("a click on what the whole look missed takes two looks more", async () => {
+  const network = redness(0.1);
+  let count = 0;
+  const looks = new Looks({ ...network, cover: (...given) => (count++, network.cover(...given)) }, photo(disc(250, 150, 45)));
+  await findObject(looks, { ...NOTHING, on: [[250, 150]] });
+  assert.equal(count, 3);
 });
 
 test("a further click on what was found around the last one takes no look", async () => {

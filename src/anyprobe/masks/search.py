@@ -2,19 +2,22 @@
 
 A look resamples a window to a grid of GRID x GRID cells. The first is at the whole photo, or at the box and a margin;
 the second, mirrored, at the part that was found and a margin. Their mean is the mask; its evidence is their agreement.
-The same in web/src/photo/search.js.
+A further search of the same photo looks again only where no look before shows the part. The same is in
+web/src/photo/search.js.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from anyprobe.core.contract import contract
 from anyprobe.core.resample import resample
-from anyprobe.masks.check import object_box
+from anyprobe.masks.check import FEW_PX, object_box
 from anyprobe.masks.networks import Network
 from anyprobe.masks.parts import fill_holes, grow, label_parts
 from anyprobe.masks.prompts import Point
@@ -28,10 +31,8 @@ MARGIN = NUMBERS["margin"]
 """Margin of a window around an object, as a share of the longer side of its box."""
 
 WINDOWS = NUMBERS["windows"]
-"""Sides of the windows tried around clicks where nothing was found, in longer sides of the photo."""
-
-BORDER_TOUCH, SURE_ENOUGH = NUMBERS["border_touch"], NUMBERS["sure"]
-"""Share of a part's outline on the window's border at which its score is zero, and score that ends the search."""
+"""Sides of windows around clicks where nothing was found, in longer sides of the photo: for most objects, and for
+little ones."""
 
 PART_SHARE = NUMBERS["part_share"]
 """Smallest weight of another part over that of a part with an excluded click: then this part is dropped whole; else
@@ -61,8 +62,7 @@ class Prompts:
     box: Box | None = None
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Window:
+class Window(NamedTuple):
     """A window of a photo, in whole pixels."""
 
     x0: int
@@ -94,6 +94,15 @@ class Window:
             spans.append((start, start + extent))
         (x0, x1), (y0, y1) = spans
         return Window(x0=x0, y0=y0, x1=x1, y1=y1)
+
+    def holds(self, box: Box) -> bool:
+        """Return whether a box lies in this window."""
+        return self.x0 <= box[0] and self.y0 <= box[1] and box[2] <= self.x1 and box[3] <= self.y1
+
+    def shows(self, box: Box) -> bool:
+        """Return whether a look at this window holds a box, at FEW_PX cells or more."""
+        width, height = self.size
+        return self.holds(box) and GRID * max((box[2] - box[0]) / width, (box[3] - box[1]) / height) >= FEW_PX
 
     def cells(self, points: Iterable[Point]) -> list[tuple[int, int]]:
         """Return column and row of the cells of those points that lie inside the window."""
@@ -143,30 +152,22 @@ class Finding:
         inside = float(self.cover[self.part].sum())
         return inside / max(float(self.part.sum()) + float(self.cover[near & ~self.part].sum()), 1e-6)
 
-    def border_share(self, photo: Window) -> float:
-        """Return the number of the part's cells on the window's sides that are not the photo's, over its perimeter."""
-        window, part = self.window, self.part
-        sides = (
-            (window.x0 == photo.x0, part[:, 0]),
-            (window.y0 == photo.y0, part[0]),
-            (window.x1 == photo.x1, part[:, -1]),
-            (window.y1 == photo.y1, part[-1]),
-        )
-        x0, y0, x1, y1 = object_box(part)
-        return sum(int(side.sum()) for at_border, side in sides if not at_border) / (2 * (x1 - x0 + y1 - y0))
+    def is_cut(self, photo: Window) -> bool:
+        """Return whether the part touches a side of the window that is not the photo's."""
+        sides = zip(object_box(self.part), (0, 0, GRID, GRID), self.window, photo, strict=True)
+        return any(cell == last and side != whole for cell, last, side, whole in sides)
 
     def mask(self, width: int, height: int) -> np.ndarray:
         """Return the mask [height, width] float32 of the whole photo, with the cover's soft edge."""
         soft = np.where(self.part, np.maximum(self.cover, 0.51), np.minimum(self.cover, 0.49))
         soft = np.where(grow(self.part, EDGE_CELLS), soft, 0.0).astype(np.float32)
-        return self._placed(soft, width, height)
-
-    def _placed(self, cells: np.ndarray, width: int, height: int) -> np.ndarray:
-        """Place values [GRID, GRID] of the window into a photo [height, width] that is zero elsewhere."""
-        canvas = np.zeros((height, width), np.float32)
-        window = self.window
-        canvas[window.y0 : window.y1, window.x0 : window.x1] = resample(cells, window.size, smooth=True)
+        canvas, window = np.zeros((height, width), np.float32), self.window
+        canvas[window.y0 : window.y1, window.x0 : window.x1] = resample(soft, window.size, smooth=True)
         return canvas
+
+
+Look = tuple[Window, bool]
+"""A window, and whether it is mirrored."""
 
 
 class Looks:
@@ -175,7 +176,7 @@ class Looks:
     def __init__(self, network: Network, rgb: np.ndarray) -> None:
         self.network, self.rgb = network, rgb
         self.photo = Window(x0=0, y0=0, x1=rgb.shape[1], y1=rgb.shape[0])
-        self._kept: dict[object, np.ndarray] = {}
+        self._kept: dict[tuple[Window, bool, object], np.ndarray] = {}
 
     def at(self, window: Window, prompts: Prompts, mirrored: bool = False) -> np.ndarray:
         """Return the cover [GRID, GRID] of a window, zero outside the box."""
@@ -190,19 +191,25 @@ class Looks:
             self._kept[key] = _run(self.network, self.rgb, window, prompts, mirrored)
         return self._kept[key]
 
+    def known(self) -> list[Look]:
+        """Return the looks so far, the nearest first; none of a network that looks otherwise for other prompts."""
+        taken = [] if self.network.takes_prompts else [(window, mirrored) for window, mirrored, _ in self._kept]
+        return sorted(taken, key=lambda look: math.prod(look[0].size))
+
 
 def find_object(looks: Looks, prompts: Prompts) -> Finding | None:
     """Find the object of a photo; None where nothing is found."""
+    known = looks.known()
     start = looks.photo if prompts.box is None else looks.photo.around(prompts.box, MARGIN)
     cover = looks.at(start, prompts)
     found = choose(start, cover, prompts)
     if found is not None and prompts.box is not None:
         found = replace(found, cut=_cut_off(found, looks.uncut(start, prompts), prompts.box))
     if found is None and prompts.on:
-        found = _around_clicks(looks, prompts)
+        found = _around_clicks(looks, prompts, known)
     if found is None and prompts.off:
         found = _cut(looks.rgb, start, cover, prompts)
-    return None if found is None else look_closer(looks, found, prompts)
+    return None if found is None else look_closer(looks, found, prompts, known)
 
 
 def _cut_off(found: Finding, cover: np.ndarray, box: Box) -> float:
@@ -256,21 +263,24 @@ def choose(window: Window, cover: np.ndarray, prompts: Prompts) -> Finding | Non
     return Finding(window=window, cover=np.where((labels > 0) & ~part, 0.0, cover), part=part)
 
 
-def look_closer(looks: Looks, found: Finding, prompts: Prompts) -> Finding:
-    """Average a finding with a mirrored look at its window alone."""
+def look_closer(looks: Looks, found: Finding, prompts: Prompts, known: Sequence[Look]) -> Finding:
+    """Average a finding with a mirrored look at its window alone, or with a known one that shows it well."""
     box = found.window.box_of(found.part)
-    window = found.window.around(box, MARGIN)
     closer = prompts if prompts.box or prompts.on else replace(prompts, box=box)
-    again = looks.at(window, closer, mirrored=True)
+    near = [look for look in known if found.window.holds(look[0]) and look[0].shows(box)]
+    for window, mirrored in [*near, (found.window.around(box, MARGIN), True)]:
+        again = looks.at(window, closer, mirrored)
+        second = choose(window, again, prompts)
+        if second is not None:
+            break
     cells = _cells_of(window, found.window)
     before, kept = (
         resample(values.astype(np.float32), (GRID, GRID), smooth=True, box=cells)
         for values in (found.cover, found.part)
     )
-    known = Finding(window=window, cover=before, part=kept > INSIDE)
-    second = choose(window, again, prompts)
-    agreed = 0.0 if second is None else iou(known.part, second.part)
-    last = choose(window, (before + again) / 2, prompts) or known
+    first = Finding(window=window, cover=before, part=kept > INSIDE)
+    agreed = 0.0 if second is None else iou(first.part, second.part)
+    last = choose(window, (before + again) / 2, prompts) or first
     return replace(last, agreed=agreed, cut=found.cut, flat=_flat_share(looks.rgb, window, last.part))
 
 
@@ -289,20 +299,16 @@ def _colors(rgb: np.ndarray, window: Window, grid: int) -> np.ndarray:
     return resample(rgb[window.y0 : window.y1, window.x0 : window.x1], (grid, grid), smooth=True)
 
 
-def _around_clicks(looks: Looks, prompts: Prompts) -> Finding | None:
-    """Return the most likely object in windows around the clicks, less likely the more a window's border cuts it."""
-    best, best_score = None, 0.0
-    for share in WINDOWS:
-        window = looks.photo.square(prompts.on, share * max(looks.photo.size))
-        found = choose(window, looks.at(window, prompts), prompts)
-        if found is None:
-            continue
-        score = found.expected() * (1.0 - min(1.0, found.border_share(looks.photo) / BORDER_TOUCH))
-        if score > best_score:
-            best, best_score = found, score
-        if best_score > SURE_ENOUGH:
-            break
-    return best
+def _around_clicks(looks: Looks, prompts: Prompts, known: Sequence[Look]) -> Finding | None:
+    """Return the object in a known window that holds the clicks and does not cut it, else in one around them."""
+    columns, rows = zip(*prompts.on, strict=True)
+    clicked = min(columns), min(rows), max(columns), max(rows)
+    squares = [(looks.photo.square(prompts.on, share * max(looks.photo.size)), False) for share in WINDOWS]
+    for look in [*(look for look in known if look[0].holds(clicked)), *squares]:
+        found = choose(look[0], looks.at(look[0], prompts, look[1]), prompts)
+        if found is not None and not (look in known and found.is_cut(looks.photo)):
+            return found
+    return None
 
 
 def _cut(rgb: np.ndarray, window: Window, cover: np.ndarray, prompts: Prompts) -> Finding | None:

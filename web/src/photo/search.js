@@ -20,6 +20,8 @@ import { resize } from "./resize.js";
 
 const { inside: INSIDE, search: NUMBERS } = CONTRACT.mask;
 const { grid: GRID, margin: MARGIN, edge_cells: EDGE_CELLS, split: SPLIT } = NUMBERS;
+/** Cells that the longer side of an object must have in a look for it to be enough. */
+const FEW_CELLS = CONTRACT.mask.given.few_px;
 const CELLS = GRID * GRID;
 
 /** A network's looks at windows of one picture, each computed once. */
@@ -51,10 +53,11 @@ export class Looks {
     return this.#kept.get(key);
   }
 
-  /** Windows that hold points and were looked at, the last first; none of a network that looks otherwise for other prompts. */
-  known(points) {
-    const taken = this.network.takesPrompts ? [] : [...this.#kept.keys()].map((key) => JSON.parse(key)).reverse();
-    return taken.flatMap(([window, isMirrored]) => (!isMirrored && cellsOf(window, points).length === points.length ? [window] : []));
+  /** Windows that were looked at, and whether mirrored, the nearest first; none of a network that looks otherwise for other prompts. */
+  known() {
+    const size = ([x0, y0, x1, y1]) => (x1 - x0) * (y1 - y0);
+    const taken = this.network.takesPrompts ? [] : [...this.#kept.keys()].map((key) => JSON.parse(key));
+    return taken.sort(([one], [other]) => size(one) - size(other));
   }
 }
 
@@ -64,13 +67,14 @@ export class Looks {
  * @returns {Promise<Finding | null>} null where nothing is there
  */
 export async function findObject(looks, hints) {
+  const known = looks.known();
   const start = hints.box ? around(looks.photo, hints.box, MARGIN) : looks.photo;
   const cover = await looks.at(start, hints);
   let found = choose(start, cover, hints);
   if (found && hints.box) found.cut = cutOff(found, await looks.uncut(start, hints), hints.box);
-  if (!found && hints.on.length) found = await aroundClicks(looks, hints);
+  if (!found && hints.on.length) found = await aroundClicks(looks, hints, known);
   if (!found && hints.off.length) found = cut(looks.picture, start, cover, hints);
-  return found && lookCloser(looks, found, hints);
+  return found && lookCloser(looks, found, hints, known);
 }
 
 /** One look at the last frame's box and a margin. */
@@ -108,14 +112,10 @@ export function expectedOf({ cover, part }) {
   return inside / Math.max(count + sum((value, i) => (part[i] ? 0 : near[i] * value)), 1e-6);
 }
 
-/** Cells of a part on each side of its window that is not the photo's, over the sides of its box. */
-function borderShare({ window, part }, photo) {
-  let total = 0;
-  const sides = [(i) => i * GRID, (i) => i, (i) => i * GRID + GRID - 1, (i) => (GRID - 1) * GRID + i];
-  const cut = sides.filter((_, side) => window[side] !== photo[side]);
-  for (const cell of cut) for (let i = 0; i < GRID; i++) total += part[cell(i)];
-  const [left, top, right, bottom] = objectBox(part, GRID);
-  return total / (2 * (right - left + bottom - top));
+/** Whether a part touches a side of its window that is not the photo's. */
+function isCut({ window, part }, photo) {
+  const cells = objectBox(part, GRID);
+  return window.some((side, i) => side !== photo[i] && cells[i] === (i < 2 ? 0 : GRID));
 }
 
 /** One look of a network at a window. */
@@ -157,18 +157,23 @@ export function choose(window, cover, { on, off }) {
   return { window, cover: cover.map((value, i) => (labels[i] && !part[i] ? 0 : value)), part, agreed: 1, cut: 0, flat: 0 };
 }
 
-/** The mean of a finding and a mirrored look at its window alone. */
-async function lookCloser(looks, found, hints) {
+/** The mean of a finding and a mirrored look at its window alone, or a known one that shows it well. */
+async function lookCloser(looks, found, hints, known) {
   const box = boxOf(found.window, found.part);
-  const window = around(found.window, box, MARGIN);
-  const again = await looks.at(window, hints.box || hints.on.length ? hints : { ...hints, box }, true);
+  const closer = hints.box || hints.on.length ? hints : { ...hints, box };
+  const near = known.filter(([window]) => holds(found.window, window) && shows(window, box));
+  let [window, again, second] = [found.window, found.cover, null];
+  for (const [nearer, isMirrored] of [...near, [around(found.window, box, MARGIN), true]]) {
+    again = await looks.at(nearer, closer, isMirrored);
+    second = choose((window = nearer), again, hints);
+    if (second) break;
+  }
   const cells = cellBox(window, found.window);
   const before = resize(found.cover, 1, [GRID, GRID], [GRID, GRID], cells);
   const kept = resize(Float32Array.from(found.part), 1, [GRID, GRID], [GRID, GRID], cells);
-  const known = { ...found, window, cover: before, part: insideParts(kept) };
-  const second = choose(window, again, hints);
-  const agreed = second ? iou(known.part, second.part) : 0;
-  const last = choose(window, before.map((value, i) => (value + again[i]) / 2), hints) ?? known;
+  const first = { ...found, window, cover: before, part: insideParts(kept) };
+  const agreed = second ? iou(first.part, second.part) : 0;
+  const last = choose(window, before.map((value, i) => (value + again[i]) / 2), hints) ?? first;
   return { ...last, agreed, cut: found.cut, flat: flatShare(looks.picture, last) };
 }
 
@@ -189,20 +194,17 @@ function changesOf(picture, window, grid) {
   return (a, b) => Math.hypot(...[0, 1, 2].map((c) => (colors[4 * a + c] - colors[4 * b + c]) / 255));
 }
 
-/** What stands out in windows that are known, or around the clicks: the likeliest that a window's border does not cut. */
-async function aroundClicks(looks, hints) {
+/** What stands out in a known window that holds the clicks and does not cut it, else in one around them. */
+async function aroundClicks(looks, hints, known) {
   const { photo } = looks;
-  let [best, most] = [null, 0];
-  const squares = NUMBERS.windows.map((share) => squareAround(photo, hints.on, share * Math.max(photo[2], photo[3])));
-  for (const window of [...looks.known(hints.on), ...squares]) {
-    const found = choose(window, await looks.at(window, hints), hints);
-    if (!found) continue;
-    const touch = borderShare(found, photo);
-    const likely = expectedOf(found) * (1 - Math.min(1, touch / NUMBERS.border_touch));
-    if (likely > most) [best, most] = [found, likely];
-    if (most > NUMBERS.sure) break;
+  const [columns, rows] = [0, 1].map((axis) => hints.on.map((point) => point[axis]));
+  const clicked = [Math.min(...columns), Math.min(...rows), Math.max(...columns), Math.max(...rows)];
+  const squares = NUMBERS.windows.map((share) => [squareAround(photo, hints.on, share * Math.max(photo[2], photo[3])), false]);
+  for (const look of [...known.filter(([window]) => holds(window, clicked)), ...squares]) {
+    const found = choose(look[0], await looks.at(look[0], hints, look[1]), hints);
+    if (found && !(known.includes(look) && isCut(found, photo))) return found;
   }
-  return best;
+  return null;
 }
 
 /**
@@ -255,6 +257,12 @@ function distance(change, part, seeds) {
   }
   return length;
 }
+
+/** Whether a box is in a window. */
+const holds = (window, box) => window.every((side, i) => (i < 2 ? side <= box[i] : box[i] <= side));
+
+/** Whether a look at a window is enough of what is in a box. */
+const shows = (window, box) => holds(window, box) && [0, 1].some((i) => (GRID * (box[i + 2] - box[i])) / (window[i + 2] - window[i]) >= FEW_CELLS);
 
 /** A box and a margin in its longer sides, as far as they are in a window. */
 export function around(window, box, margin) {
