@@ -22,8 +22,8 @@ from anyprobe_train.dataset.recipe import read_recipes
 from anyprobe_train.evaluate.methods import GIVEN_HINTS, mean_map, run_with_hints
 from anyprobe_train.evaluate.scoring import ALPHA_EDGES
 from anyprobe_train.evaluate.scoring import FROZEN as LIST
-from research.export_weights.calibrate import claimed_errors, true_errors
 from research.kept_pairs import kept_pairs
+from research.limits.claims import claimed_errors, true_errors
 from research.limits.figures import MEAN_MAP, Limits, alpha_bin, kind_of
 from research.limits.sphere import SphereLimit, Views, is_world, paper_draw, world_draw
 from research.results import commit, write_result

@@ -1,4 +1,4 @@
-"""python -m research.scenes: commands pairs, light-pairs, sheet, score, goes-on, dark, shading, inserted.
+"""python -m research.scenes: commands light-pairs, sheet, score, inserted.
 
 Rendering needs Mitsuba 3, mitsuba-oidn and an LLVM of 17 or newer.
 """
@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import sys
-import time
 from pathlib import Path
 from typing import Annotated
 
@@ -19,9 +18,9 @@ from anyprobe.cli.options import bounded
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.runtime import model_id
 from anyprobe.inputs.settings import DEFAULT_MODEL
-from anyprobe_train.whole_network.families import FAMILIES
 from research.results import commit, write_result
-from research.scenes.pairs import IN_FILE, PARTS, make_pairs
+from research.scenes.layouts import FAMILIES
+from research.scenes.parts import PARTS
 from research.scenes.photos import scene_photos
 from research.world.judgement import ALL, CUT_OUTS, Judgement, print_groups
 from research.world.whole_rows import SHIPPED, rows_of
@@ -29,22 +28,6 @@ from research.world.whole_scores import score as score_photo
 
 app = new_app(__doc__)
 Data = Annotated[Path, Parameter(help="Folder with hdri and meshes.")]
-
-
-@app.command()
-def pairs(
-    *,
-    data: Data,
-    out: Annotated[Path, Parameter(name=("--out", "-o"), help="Folder of the files.")] = Path("runs/scenes"),
-    first: Annotated[int, Parameter(help="First scene."), bounded(0)] = 0,
-    scenes: Annotated[int, Parameter(help="Up to this one."), bounded(1)] = 70_000,
-    every: Annotated[int, Parameter(help="Make one file of so many: for several processes."), bounded(1)] = 1,
-    part: Annotated[str, Parameter(help=f"One of {', '.join(PARTS)}.")] = "train",
-) -> None:
-    """Render scenes under fresh lights and write what the estimator knows of their photos; goes on where it stopped."""
-    start = time.monotonic()
-    for number, path in enumerate(make_pairs(data, out, first, scenes, every, part), 1):
-        print(f"{path}: {number * IN_FILE / (time.monotonic() - start):.2f} scenes a second")
 
 
 @app.command(name="light-pairs")

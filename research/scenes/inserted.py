@@ -38,7 +38,7 @@ from anyprobe.relight.placement import Placement, Side, place_beside
 from anyprobe.scatter.materials import material_named
 from research.scenes.camera import take
 from research.scenes.layouts import Layout, draw_layout
-from research.scenes.pairs import store_of
+from research.scenes.parts import store_of
 from research.scenes.render import render_layout
 from research.world.whole_photos import read_render, write_render
 from research.world.whole_render import Render

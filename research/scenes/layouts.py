@@ -24,13 +24,13 @@ from anyprobe_train.dataset.catalog import normalize_map
 from anyprobe_train.dataset.lighting import add_lamp
 from anyprobe_train.dataset.pair import _painted
 from anyprobe_train.dataset.sky import direction_at, tint
-from anyprobe_train.whole_network.families import FAMILIES
 from anyprobe_train.world.covers import Cover, draw_cover
 from anyprobe_train.world.drawn_light import draw_place, draw_procedural_light, draw_real_light, with_lamps
 from research.world.whole_scenes import Panel, Phone, Thing, _draw_second, _placed, _standing
 
+FAMILIES = ("ground", "table", "things", "dark", "procedural")
 SHARES = (0.36, 0.26, 0.17, 0.11, 0.1)
-"""Shares of the families among the scenes that are learned from."""
+"""Shares of the families among the scenes."""
 SEED = 3107
 
 OBJECT_PX = 100

@@ -13,15 +13,19 @@ import torch
 from anyprobe.estimate.ground import up_of
 from anyprobe.estimate.light_graph import INPUTS, graph_inputs
 from anyprobe.files.atomic import atomic_path
+from anyprobe_train.light.given import Given
 from anyprobe_train.light.light_views import LightViews
-from anyprobe_train.light_graph.front import Given
 from anyprobe_train.world.batch import PHOTO_FAMILIES, LightBatch, sources_of
 from anyprobe_train.world.maps import OUTDOORS
 from research.scenes.camera import TakenPhoto, mirrored, take
 from research.scenes.layouts import draw_family, draw_layout
-from research.scenes.pairs import CUT_OUTS, SHOTS, store_of
+from research.scenes.parts import store_of
 from research.scenes.render import render_layout
 
+SHOTS = 2
+"""Photos of each scene: the second is another camera's, in a mirror."""
+CUT_OUTS = 0.25
+"""Share of the photos of which only the object is known."""
 ASSUMED_DEG = 60.0
 """Field of view of the longer side where the file does not say it."""
 IN_FILE = 16
@@ -34,9 +38,7 @@ def given_of(rgb: np.ndarray, mask: np.ndarray, long_fov_deg: float | None) -> G
     named = graph_inputs(
         rgb.astype(np.float32), mask.astype(np.float32), long_fov_deg or ASSUMED_DEG, is_lens_known=known
     )
-    of = {name: torch.from_numpy(named[name])[0] for name in INPUTS}
-    pictures = {name: of[name].permute(2, 0, 1) for name in ("photo", "window", "normals", "panorama")}
-    return Given(**{**of, **pictures, "believe": of["believe"][0]})
+    return Given.of([torch.from_numpy(named[name]) for name in INPUTS])
 
 
 def row_of(views: LightViews, photo: TakenPhoto, fov_deg: float, up: np.ndarray, family: str, outdoors: float) -> dict:
@@ -45,7 +47,7 @@ def row_of(views: LightViews, photo: TakenPhoto, fov_deg: float, up: np.ndarray,
     if family == "cut_out":
         rgb = rgb * photo.mask[..., None]
     with torch.no_grad():
-        inputs = views(given_of(rgb, photo.mask, photo.long_fov_deg))
+        inputs, _ = views(given_of(rgb, photo.mask, photo.long_fov_deg))
     pictures = {
         name: np.round(255 * getattr(inputs, name)[0].permute(1, 2, 0).numpy()).astype(np.uint8)
         for name in ("context", "crop", "seen")

@@ -10,10 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from anyprobe_train.dataset.asset_store import AssetStore
-from anyprobe_train.whole_network.families import FAMILIES
 from research.scenes.camera import take
-from research.scenes.layouts import draw_layout
-from research.scenes.pairs import store_of
+from research.scenes.layouts import FAMILIES, draw_layout
+from research.scenes.parts import store_of
 from research.scenes.render import render_layout
 from research.world.whole_photos import WholePhoto, read_render, write_render
 

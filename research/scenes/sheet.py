@@ -14,7 +14,7 @@ from anyprobe.estimate.sheet import draw_overlay
 from anyprobe.files.atomic import atomic_path
 from research.scenes.camera import take
 from research.scenes.layouts import draw_layout
-from research.scenes.pairs import store_of
+from research.scenes.parts import store_of
 from research.scenes.render import render_layout
 
 ROW, COLUMNS = 220, 4

@@ -1,7 +1,6 @@
 """A checkpoint that cannot be read, or is of another network, is one clear line wherever it is asked for."""
 
-import json
-from dataclasses import asdict
+from dataclasses import replace
 
 import pytest
 from support.refused import refused
@@ -10,22 +9,18 @@ torch = pytest.importorskip("torch", reason="needs ./train[torch]")
 pytest.importorskip("onnx", reason="needs ./train[torch]")
 pytest.importorskip("tensorboard", reason="needs ./train[torch]")
 
-from anyprobe.errors import ModelError  # noqa: E402
-from anyprobe_train.train.checkpoint import load_weights, save_checkpoint, save_init_weights  # noqa: E402
-from anyprobe_train.train.config import normals, smoke  # noqa: E402
-from anyprobe_train.train.export_onnx import export_graphs  # noqa: E402
-from anyprobe_train.train.loop import load_nets, make_learner, train  # noqa: E402
+from anyprobe.errors import InputError, ModelError  # noqa: E402
+from anyprobe_train.light.light_run import LightRunConfig, load_lean_net  # noqa: E402
+from anyprobe_train.train.checkpoint import load_weights, resumed, save_checkpoint, save_init_weights  # noqa: E402
 
-CONFIG = smoke(normals())
+CONFIG = LightRunConfig()
 
 
-def write_run(runs, config=CONFIG):
+def write_run(runs):
     """A run of five steps that has learned nothing."""
-    nets = make_learner(config, "cpu").nets
-    path = runs / config.name / "checkpoint.pt"
-    optimizer = torch.optim.AdamW(nets.parameters())
-    state = {"nets": nets.state_dict(), "optimizer": optimizer.state_dict(), "pairs": 20}
-    save_checkpoint(path, config, 5, {}, state)
+    path = runs / CONFIG.name / "checkpoint.pt"
+    weights = torch.nn.Linear(200, 300).state_dict()
+    save_checkpoint(path, CONFIG, 5, {"start": None}, {"net": weights, "moving": weights, "optimizer": {}})
     return path
 
 
@@ -41,9 +36,9 @@ def is_one_short_line(error) -> bool:
         (5_000, "a damaged file"),
         (100_000, "a damaged file"),
         ([1, 2], "a list"),
-        ({"step": 3, "config": "{}"}, "a file without nets"),
-        ({"nets": {}, "step": 3}, "a file without its configuration"),
-        ({"nets": {}, "config": "{}"}, "a file without its configuration or step"),
+        ({"step": 3, "config": "{}"}, "a file without weights"),
+        ({"net": {}, "step": 3}, "a file without its configuration"),
+        ({"net": {}, "config": "{}"}, "a file without its configuration or step"),
     ],
 )
 def test_a_damaged_checkpoint_is_one_clear_line(tmp_path, content, found):
@@ -56,8 +51,8 @@ def test_a_damaged_checkpoint_is_one_clear_line(tmp_path, content, found):
         torch.save(content, path)
     before = path.read_bytes()
     asked = (
-        lambda: train(CONFIG, data=None, runs=tmp_path),
-        lambda: export_graphs(path, tmp_path / "to"),
+        lambda: resumed(path, CONFIG, {}, None),
+        lambda: load_lean_net(path),
         lambda: save_init_weights(path, tmp_path / "to.pt"),
     )
     for ask in asked:
@@ -69,27 +64,22 @@ def test_a_damaged_checkpoint_is_one_clear_line(tmp_path, content, found):
 
 
 def test_another_networks_weights_are_one_clear_line(tmp_path):
-    """Hundreds of names differ; the first is told."""
+    """Hundreds of names may differ; the first is told."""
     path = write_run(tmp_path)
-    stored = torch.load(path, weights_only=True)
-    torch.save({**stored, "nets": {f"old.{name}": one for name, one in stored["nets"].items()}}, path)
-    first = next(iter(stored["nets"]))
-    for ask in (lambda: load_nets(path), lambda: train(CONFIG, data=None, runs=tmp_path)):
-        with pytest.raises(ModelError, match=rf"with {first} \[.*\], got none") as error:
-            ask()
-        assert is_one_short_line(error)
-    net = make_learner(CONFIG, "cpu").nets
+    net = torch.nn.Linear(2, 3)
     weights = net.state_dict()
-    name = next(iter(weights))
-    with pytest.raises(ModelError, match=rf"with {name} .*, got \[3\]"):
-        load_weights(net, {**weights, name: torch.zeros(3)}, path)
+    with pytest.raises(ModelError, match=r"with weight \[3, 2\], got none") as error:
+        load_weights(net, {f"old.{name}": one for name, one in weights.items()}, path)
+    assert is_one_short_line(error)
+    with pytest.raises(ModelError, match=r"with weight .*, got \[3\]"):
+        load_weights(net, {**weights, "weight": torch.zeros(3)}, path)
     with refused(code="invalid-model", source="checkpoint.pt", naming="more none"):
         load_weights(net, {**weights, "more": torch.tensor(1)}, path)
 
 
-def test_a_run_of_another_release_says_so(tmp_path):
+def test_a_run_goes_on_with_its_own_settings_alone(tmp_path):
     path = write_run(tmp_path)
-    stored = torch.load(path, weights_only=True)
-    torch.save({**stored, "config": json.dumps(asdict(CONFIG) | {"model": "older"})}, path)
-    with refused(code="invalid-model", source="checkpoint.pt", naming="older"):
-        load_nets(path)
+    stored, _ = resumed(path, replace(CONFIG, steps=50), {}, None)
+    assert stored["step"] == 5
+    with pytest.raises(InputError, match="learning_rate"):
+        resumed(path, replace(CONFIG, learning_rate=1.0), {}, None)

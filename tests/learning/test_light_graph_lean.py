@@ -9,10 +9,10 @@ torch = pytest.importorskip("torch", reason="needs ./train[torch]")
 
 from anyprobe.core.latlong import pixel_directions  # noqa: E402
 from anyprobe.estimate.light_graph import INPUTS, OUTPUTS, graph_inputs  # noqa: E402
+from anyprobe_train.light.given import Given  # noqa: E402
 from anyprobe_train.light.light_export import LeanGraph, write_light  # noqa: E402
 from anyprobe_train.light.light_views import ASSUMED_TANGENT, LightViews  # noqa: E402
 from anyprobe_train.light.network import LeanNet  # noqa: E402
-from anyprobe_train.light_graph.front import Given  # noqa: E402
 
 pytestmark = pytest.mark.ci
 
@@ -28,14 +28,12 @@ def photo_of(height: int, width: int, box: tuple[int, int, int, int] | None) -> 
 
 
 def given_of(named: dict[str, np.ndarray]) -> Given:
-    of = {name: torch.from_numpy(named[name])[0] for name in INPUTS}
-    pictures = {name: of[name].permute(2, 0, 1) for name in ("photo", "window", "normals", "panorama")}
-    return Given(**{**of, **pictures, "believe": of["believe"][0]})
+    return Given.of([torch.from_numpy(named[name]) for name in INPUTS])
 
 
 def test_the_whole_photo_lies_in_the_middle_of_the_square_and_its_means_are_kept() -> None:
     rgb, mask = photo_of(384, 768, (300, 100, 500, 300))
-    seen = LightViews()(given_of(graph_inputs(rgb, mask, 50.0, is_lens_known=True)))
+    seen, _ = LightViews()(given_of(graph_inputs(rgb, mask, 50.0, is_lens_known=True)))
     context = seen.context[0]
     assert torch.allclose(context[4, 24:72], torch.ones(48, 96))
     assert float(context[4, :24].abs().max()) == 0.0
@@ -46,7 +44,7 @@ def test_the_whole_photo_lies_in_the_middle_of_the_square_and_its_means_are_kept
 
 def test_the_crop_and_its_lens_agree_with_the_object_in_the_photo() -> None:
     rgb, mask = photo_of(600, 400, (60, 380, 160, 480))
-    seen = LightViews()(given_of(graph_inputs(rgb, mask, 40.0, is_lens_known=True)))
+    seen, _ = LightViews()(given_of(graph_inputs(rgb, mask, 40.0, is_lens_known=True)))
     half, right, up, side, known = (float(one) for one in seen.lens[0])
     per_pixel = np.tan(np.radians(20.0)) / 300
     assert right == pytest.approx((110 - 200) * per_pixel, abs=per_pixel / 2)
@@ -61,7 +59,7 @@ def test_the_crop_and_its_lens_agree_with_the_object_in_the_photo() -> None:
 
 def test_what_is_seen_lies_where_a_pinhole_camera_sees_it_and_not_behind_the_object() -> None:
     rgb, mask = photo_of(480, 640, (280, 200, 360, 280))
-    seen = LightViews()(given_of(graph_inputs(rgb, mask, 70.0, is_lens_known=True))).seen[0]
+    seen = LightViews()(given_of(graph_inputs(rgb, mask, 70.0, is_lens_known=True)))[0].seen[0]
     d = pixel_directions(64)
     focal = 320 / np.tan(np.radians(35.0))
     with np.errstate(divide="ignore"):
@@ -93,7 +91,7 @@ def test_what_is_seen_is_what_the_world_lays_on_the_sphere() -> None:
 
 def test_without_a_lens_the_assumed_one_is_seen_whatever_the_host_assumes() -> None:
     rgb, mask = photo_of(200, 300, None)
-    seen = LightViews()(given_of(graph_inputs(rgb, mask, 65.0)))
+    seen, _ = LightViews()(given_of(graph_inputs(rgb, mask, 65.0)))
     assert float(seen.lens[0, 0]) == pytest.approx(ASSUMED_TANGENT)
     assert torch.equal(seen.lens[0, 1:], torch.zeros(4))
     assert float(seen.crop.abs().max()) == 0.0

@@ -13,13 +13,13 @@ import pytest
 torch = pytest.importorskip("torch", reason="needs ./train[torch]")
 
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles  # noqa: E402
-from anyprobe_train.light.drawing import MapDrawing  # noqa: E402
+from anyprobe_train.light.drawing import POWER_FLOOR, MapDrawing  # noqa: E402
 from anyprobe_train.light.light_losses import LIGHT_WEIGHTS, LightLoss, total_of  # noqa: E402
 from anyprobe_train.light.light_run import LightRunConfig, keep_light, run_light  # noqa: E402
 from anyprobe_train.light.network import LeanNet  # noqa: E402
 from anyprobe_train.light.pictured import learned, mirrored_inputs, mirrored_truth, tensors_of  # noqa: E402
-from anyprobe_train.nets.emitter_head import POWER_FLOOR  # noqa: E402
-from anyprobe_train.train.muon import MuonAndAdam  # noqa: E402
+from anyprobe_train.light.shape import ShapeNet  # noqa: E402
+from anyprobe_train.train.muon import MuonAndAdam, orthogonal  # noqa: E402
 
 pytestmark = pytest.mark.ci
 
@@ -180,6 +180,29 @@ def test_a_mirrored_photo_costs_what_the_photo_costs_at_a_mirrored_answer(net: L
         ours, theirs = loss.of_map(answer, truth.radiance), loss.of_map(other, truth.radiance.flip(3))
     for name in ("display", "spheres", "level", "color"):
         assert float(ours[name]) == pytest.approx(float(theirs[name]), rel=1e-3), name
+
+
+def test_estimated_normals_are_in_the_frame_of_the_camera() -> None:
+    """Untrained, each point faces the camera, wherever in the photo it is."""
+    shape = ShapeNet().eval()
+    with torch.no_grad():
+        for parameter in shape.head.parameters():
+            parameter.zero_()
+        center, half = torch.tensor([[0.5, -0.3], [0.0, 0.0]]), torch.tensor([[0.01], [0.4]])
+        normals = shape(torch.rand(2, 4, 96, 96), center, half, 48)
+    assert torch.allclose(normals.square().sum(dim=1), torch.ones(2, 48, 48), atol=1e-5)
+    facing = torch.nn.functional.normalize(torch.tensor([-0.5, 0.3, 1.0]), dim=0)
+    assert ((normals[0] * facing[:, None, None]).sum(dim=0) > np.cos(np.radians(1.0))).all()
+    corner = torch.nn.functional.normalize(torch.tensor([0.4, -0.4, 1.0]), dim=0)  # upper left
+    assert float(normals[1, :, 0, 0] @ corner) > np.cos(np.radians(2.0))
+
+
+def test_muon_steps_along_an_orthogonal_matrix() -> None:
+    torch.manual_seed(4)
+    for shape in ((30, 200), (200, 30)):
+        values = torch.linalg.svdvals(orthogonal(torch.randn(shape)))
+        assert 0.6 < float(values.min())
+        assert float(values.max()) < 1.3
 
 
 def test_one_step_down_the_gradient_lowers_the_loss() -> None:

@@ -30,7 +30,7 @@ from anyprobe_train.mask_network.mask_training import (  # noqa: E402
     small_mask_run,
     train_mask,
 )
-from anyprobe_train.train.checkpoint import load_init_weights  # noqa: E402
+from anyprobe_train.train.checkpoint import load_weights, read_init_weights  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -160,4 +160,5 @@ def test_exported_graph_is_the_network(checkpoint, tmp_path):
 
 
 def test_weights_that_are_kept_of_the_shipped_network_begin_a_run():
-    load_init_weights(MaskNet(), Path(__file__).parents[2] / "train" / "checkpoints" / "mask.pt")
+    path = Path(__file__).parents[2] / "train" / "checkpoints" / "mask.pt"
+    load_weights(MaskNet(), read_init_weights(path)[0], path)

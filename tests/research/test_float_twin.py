@@ -12,7 +12,7 @@ from anyprobe.estimate.runtime import Models
 onnx = pytest.importorskip("onnx")
 from support.scenes import sphere_photo  # noqa: E402
 
-from research.export_weights.float_twin import float_twin, weights_folder  # noqa: E402
+from research.float_twin import float_twin, weights_folder  # noqa: E402
 
 
 def test_the_twin_has_no_small_weights_and_answers_alike(tmp_path):

@@ -9,9 +9,8 @@ pytest.importorskip("torch", reason="needs ./train[torch]")
 
 from anyprobe.core.response import inverse_response
 from anyprobe_train.dataset.asset_store import load_asset_store
-from anyprobe_train.whole_network.families import FAMILIES
 from research.scenes.camera import take
-from research.scenes.layouts import SHARES, draw_family, draw_layout
+from research.scenes.layouts import FAMILIES, SHARES, draw_family, draw_layout
 from research.world.whole_render import Render
 
 

@@ -18,9 +18,9 @@ TRAIN = Path(anyprobe_train.__file__).parent
 ORDER = (
     "notices errors core paper light scatter render files maps pictures export place match masks inputs "
     "estimate session relight video serve cli __init__ __main__ "
-    "anyprobe_train.__init__ anyprobe_train.nets anyprobe_train.light_graph anyprobe_train.dataset "
+    "anyprobe_train.__init__ anyprobe_train.nets anyprobe_train.dataset "
     "anyprobe_train.evaluate anyprobe_train.assets anyprobe_train.world anyprobe_train.train anyprobe_train.paper "
-    "anyprobe_train.mask_network anyprobe_train.whole_network anyprobe_train.light anyprobe_train.cli "
+    "anyprobe_train.mask_network anyprobe_train.light anyprobe_train.cli "
     "anyprobe_train.__main__"
 ).split()
 """A part may import itself and the parts before it: what users run imports nothing of `anyprobe_train`."""
@@ -28,8 +28,8 @@ ORDER = (
 ONLY = {
     "torch": {
         *("anyprobe_train.nets", "anyprobe_train.dataset", "anyprobe_train.train", "anyprobe_train.cli"),
-        *("anyprobe_train.paper", "anyprobe_train.mask_network", "anyprobe_train.whole_network"),
-        *("anyprobe_train.light_graph", "anyprobe_train.light"),
+        *("anyprobe_train.paper", "anyprobe_train.mask_network"),
+        "anyprobe_train.light",
     },
     "onnxruntime": {"files"},
     "onnx": {"anyprobe_train.train"},

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -16,9 +15,7 @@ from anyprobe.errors import InputError, MissingExtra
 _RUNS = Path("runs")
 LIGHT_RUN, PAPER_RUN = "light", "paper"
 """Runs of the light network and of the paper's three, which have loops of their own."""
-Data = Annotated[
-    Path | None, Parameter(help="Folder with hdri/train and meshes/train; default: procedural maps and shapes.")
-]
+Data = Annotated[Path | None, Parameter(help="Folder with hdri/train and meshes/train.")]
 Runs = Annotated[Path, Parameter(help="Folder for checkpoints, logs and caches.")]
 Steps = Annotated[int | None, Parameter(help="Total number of steps; default: the run's."), bounded(1)]
 DryRun = Annotated[int | None, Parameter(metavar="N", help="N small steps, to test a machine."), bounded(1)]
@@ -27,7 +24,7 @@ RunName = Annotated[str, Parameter(name="RUN", help="Named run; see docs/how-to/
 
 
 def run(
-    name: RunName = "lift",
+    name: RunName = LIGHT_RUN,
     /,
     *,
     data: Data = None,
@@ -42,12 +39,9 @@ def run(
     workers: Annotated[
         int, Parameter(help="Processes that make pairs ahead, so that a GPU need not wait."), bounded(0)
     ] = 0,
-    compiled: Annotated[
-        bool, Parameter(name="--compile", negative="--no-compile", help="Compile the renderer.")
-    ] = True,
     setting: Annotated[str, Parameter(help="Sizes of the run paper: full, quarter, small or tiny.")] = "full",
 ) -> None:
-    """Train a model on rendered pairs. An interrupted run resumes exactly."""
+    """Train a model on photos of a world that is made meanwhile. An interrupted run resumes exactly."""
     _refuse_elsewhere(name)
     need_torch("training")
     if name == PAPER_RUN:
@@ -59,30 +53,15 @@ def run(
             raise InputError(text, subject=("steps", "init_weights"))
         if not reproduce(data, runs / name, setting_named(setting), threads=2, device=device, stop=dry_run):
             sys.exit(143)
-        return None
-    from anyprobe_train.train import loop
-    from anyprobe_train.train.config import RUNS as NAMED
-    from anyprobe_train.train.config import smoke
-
+        return
+    if name != LIGHT_RUN:
+        names = (LIGHT_RUN, PAPER_RUN)
+        raise InputError(f"expected one of {', '.join(names)}{did_you_mean(name, names)}", source=f"run {name!r}")
     if steps is not None and dry_run is not None:
         raise InputError("expected one of them, got both", subject=("steps", "dry_run"))
-    if name == LIGHT_RUN:
-        from anyprobe_train.light.command import train_light
+    from anyprobe_train.light.command import train_light
 
-        return print(train_light(data, runs, steps, dry_run, device, workers, init_weights))
-    if name not in NAMED:
-        names = (*NAMED, LIGHT_RUN, PAPER_RUN)
-        raise InputError(f"expected one of {', '.join(names)}{did_you_mean(name, names)}", source=f"run {name!r}")
-    chosen = NAMED[name]()
-    if steps is not None:
-        chosen = replace(chosen, steps=steps)
-    if dry_run is not None:
-        chosen = smoke(chosen, dry_run)
-        (runs / chosen.name / "checkpoint.pt").unlink(missing_ok=True)  # each one begins anew
-    path = loop.train(
-        chosen, data=data, runs=runs, device=device, compiled=compiled, workers=workers, start=init_weights
-    )
-    print(path)
+    print(train_light(data, runs, steps, dry_run, device, workers, init_weights))
 
 
 ELSEWHERE = {
@@ -99,7 +78,7 @@ def _refuse_elsewhere(name: str) -> None:
 
 def export(
     to: Annotated[Path, Parameter(name="FOLDER", help="Folder for the .onnx graphs.")],
-    name: RunName = "lift",
+    name: RunName = LIGHT_RUN,
     /,
     *,
     runs: Annotated[Path, Parameter(help="Folder of the trained runs.")] = _RUNS,
@@ -108,27 +87,16 @@ def export(
     """Export a trained run as ONNX. The graphs are checked against torch."""
     _refuse_elsewhere(name)
     need_torch("training")
-    from anyprobe_train.train.checkpoint import keep_apart, save_init_weights
-    from anyprobe_train.train.export_onnx import export_graphs
-
-    checkpoint = runs / name / "checkpoint.pt"
     if name == PAPER_RUN:
         text = "expected one network, got the paper's three; export them with anyprobe-train paper --graphs FOLDER"
         raise InputError(text, source=f"run {name!r}")
-    if name == LIGHT_RUN:
-        from anyprobe_train.light.light_export import export_lean
-        from anyprobe_train.light.light_run import keep_light
+    from anyprobe_train.light.light_export import export_lean
+    from anyprobe_train.light.light_run import keep_light
 
-        if keep is not None:
-            keep_light(checkpoint, keep)
-        return print(f"{to / 'light.onnx'}: within {export_lean(checkpoint, to / 'light.onnx'):.2g} of torch")
+    checkpoint = runs / name / "checkpoint.pt"
     if keep is not None:  # first: what training made is not lost where the export is refused
-        keep_apart(checkpoint, keep)
-        save_init_weights(checkpoint, keep)
-    for stage, difference in export_graphs(checkpoint, to).items():
-        print(f"{to / (stage + '.onnx')}: within {difference:.2g} of torch")
-    if keep is not None:
-        print(keep)
+        keep_light(checkpoint, keep)
+    print(f"{to / 'light.onnx'}: within {export_lean(checkpoint, to / 'light.onnx'):.2g} of torch")
 
 
 def need_torch(what: str) -> None:

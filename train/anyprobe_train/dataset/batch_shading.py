@@ -9,14 +9,12 @@ import numpy as np
 import torch
 import torch.nn.functional as F
 
-from anyprobe.core.latlong import direction_to_uv
 from anyprobe.core.response import CameraCurve, response
 from anyprobe.render.surface import pixel_rays
 from anyprobe.scatter.materials import Material
 from anyprobe_train.dataset.camera import Shot, column_of, take_photo
 from anyprobe_train.dataset.lighting import LitMaterial
 from anyprobe_train.dataset.reflectance import albedo_table, lookup_coords
-from anyprobe_train.dataset.shadows import shade_hidden
 
 
 def shade_batch(
@@ -25,14 +23,12 @@ def shade_batch(
     normals: torch.Tensor,
     wo: torch.Tensor,
     places: Callable = lookup_coords,
-    hidden: torch.Tensor | None = None,
 ) -> tuple[torch.Tensor, torch.Tensor]:
     """Look up lit materials by the normals [B, 3, S, S] of surfaces seen along wo [B, S, S, 3]: radiance and Eq. 5's
     first factor, [B, 3, S, S] each, anything outside the objects.
 
     materials: their f0 and albedo are [3], or [S, S, 3] where they differ from pixel to pixel.
     places: lookup_coords, or the same compiled.
-    hidden: what the surfaces hide from themselves, see dataset.occlusion; the first factor has none of it.
     """
     alpha = column_of([lit.alpha for lit in chosen], normals)
     table = torch.from_numpy(albedo_table()).to(normals.device)
@@ -44,14 +40,7 @@ def shade_batch(
     one, grazing = specular.split(3, dim=1)
     # Lo = f0 S1 + (1 - f0) (Ss + albedo Dd)
     one, grazing, diffuse = one * gain_one[:, None], grazing * gain_grazing[:, None], albedo * diffuse
-    radiance = torch.lerp(grazing + diffuse, one, f0)
-    if hidden is not None:
-        mask = (normals.abs().sum(dim=1, keepdim=True) > 0).float()
-        glow = (radiance * mask).sum((2, 3)) / mask.sum((2, 3)).clip(min=1.0)
-        maps = torch.stack([lit.radiance for lit in chosen])
-        of_diffuse, of_specular = shade_hidden(hidden, normals, wo, alpha[:, 0, 0, 0], maps, glow)
-        radiance = torch.lerp(grazing * of_specular + diffuse * of_diffuse, one * of_specular, f0)
-    return radiance, first_factor
+    return torch.lerp(grazing + diffuse, one, f0), first_factor
 
 
 def _colors(values: list[np.ndarray], like: torch.Tensor) -> torch.Tensor:
@@ -76,16 +65,6 @@ def curves(cameras: list[CameraCurve], like: torch.Tensor) -> CameraCurve:
     return CameraCurve(
         exponent=column_of([camera.exponent for camera in cameras], like),
         sigma=column_of([camera.sigma for camera in cameras], like),
-    )
-
-
-def see_behind(light: torch.Tensor, wo: torch.Tensor) -> torch.Tensor:
-    """Sample the maps [B, 3, H, 2H] along the pixels' rays, [B, 3, S, S].
-
-    A window is far from the seam behind the camera, so that nothing need wrap.
-    """
-    return F.grid_sample(
-        light, direction_to_uv(-wo) * 2 - 1, mode="bilinear", padding_mode="border", align_corners=False
     )
 
 

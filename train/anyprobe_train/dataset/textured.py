@@ -1,22 +1,16 @@
-"""Objects that are not quite uniform: with a mild texture, or of two materials.
+"""Objects that are not quite uniform: patterns that lie on them.
 
-What it is: patterns lie on the object. Where its pixels are in space follows from their normals (`locate`), and
-patterns are laid on from three sides of a block about it (`lay`), so that they bend with the surface and draw together
-towards its edge. What it is not: the skin of a scan. A jump in depth becomes a slope, patterns know nothing of what the
-object is, and they change its colour alone, not the normals. Alpha is one for all in training's photos; a test pair's
-second material has its own (`dataset.pair.render_pair`).
+Patterns are laid on from three sides of a block about the object (`lay`), so that they bend with the surface and draw
+together towards its edge. They know nothing of what the object is, and change its colour alone, not the normals.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from anyprobe.scatter.materials import Material
-from anyprobe_train.dataset.camera import blur
-from anyprobe_train.dataset.distributions import draw_material
 from anyprobe_train.dataset.reflectance import read_disc
 from anyprobe_train.dataset.sky import tint
 
@@ -105,40 +99,12 @@ COLORED_SHARE = 0.35
 ON_METAL = 0.5
 """Exponent of the factor for metals, which are tarnished or dirty rather than painted."""
 MAX_ALBEDO = 0.95
-SECOND_SHARE = (0.1, 0.38)
-"""Share of an object's pixels that the second material covers."""
-BORDER_PX = 0.6
-"""Standard deviation of the blur of the border between two materials [pixels], as a pixel averages what it sees."""
-STEEPEST = 0.25
-"""Smallest cosine between a normal and the picture's axis when normals are integrated: below it, depth is unbounded."""
 SIDES = 128
 """Side of patterns [pixels of their own]."""
 EXTENT = (2.5, 5.0)
 """Range of the period of a pattern [halves of the picture]."""
 CLEAR = 6.0
 """Exponent of the normal's components in the weights of a block's sides: higher makes narrower seams."""
-
-
-def locate(normals: np.ndarray) -> np.ndarray:
-    """Compute the positions of a picture's pixels in halves of the picture: x right, y up, z to the eye, [S, S, 3].
-
-    The depth whose slopes are nearest to those that normals [S, S, 3] have, by least squares (Frankot and Chellappa
-    1988), and off the object, where these are zero, nearest to the object's mean slope.
-    """
-    size = normals.shape[0]
-    mask = np.asarray(normals.any(axis=-1))
-    slope = -normals[..., :2] / np.maximum(normals[..., 2:], STEEPEST)
-    mean = slope[mask].mean(axis=0)  # which no sum of waves has
-    slope = np.where(mask[..., None], slope - mean, 0.0)
-    x, y = np.fft.rfft2(slope, axes=(0, 1)).transpose(2, 0, 1)
-    right = 2j * np.pi * np.fft.rfftfreq(size, 2 / size)
-    up = -2j * np.pi * np.fft.fftfreq(size, 2 / size)[:, None]
-    square = right**2 + up**2
-    square[0, 0] = 1.0  # the mean depth: of no account
-    depth = np.fft.irfft2((right * x + up * y) / square, s=(size, size))
-    across = (np.arange(size) + 0.5) / size * 2 - 1
-    x, y = np.meshgrid(across, -across)
-    return np.stack([x, y, depth + mean[0] * x + mean[1] * y], axis=-1).astype(np.float32)
 
 
 def lay(pattern: np.ndarray, points: np.ndarray, normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
@@ -160,13 +126,6 @@ def lay(pattern: np.ndarray, points: np.ndarray, normals: np.ndarray, rng: np.ra
     return result
 
 
-def draw_factor(normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Draw a texture's factor on reflectance, [S, S, 3], 1 in the mean and off the object; normals as for `locate`."""
-    mask, factor = normals.any(axis=-1), np.ones(normals.shape, np.float32)
-    factor[mask] = factor_at(locate(normals)[mask], normals[mask], rng)
-    return factor
-
-
 def factor_at(points: np.ndarray, normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Draw the factor of draw_factor at points [P, 3] of a surface with normals [P, 3]: [P, 3], 1 in the mean.
 
@@ -183,28 +142,6 @@ def factor_at(points: np.ndarray, normals: np.ndarray, rng: np.random.Generator)
     return np.broadcast_to(values / values.mean(axis=0), normals.shape)
 
 
-def draw_share(normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Draw the share of an object's second material in each pixel, [S, S] in [0, 1], zero off the object.
-
-    Patches, what lies beyond a plane, or a band; SECOND_SHARE of the object, its border one pixel wide. Normals as for
-    `locate`.
-    """
-    mask = normals.any(axis=-1)
-    points, kind = locate(normals)[mask], rng.integers(3)
-    if kind == 0:
-        pattern = smooth_noise(rng, SIDES, rng.uniform(1.0, 4.0)).astype(np.float32)
-        level = lay(pattern[..., None], points, normals[mask], rng)[:, 0]
-    else:
-        axis = rng.standard_normal(3)
-        level = points @ (axis / np.linalg.norm(axis))
-        if kind == 2:
-            level = -np.abs(level - np.quantile(level, rng.uniform(0.1, 0.9)))
-    hard = np.zeros(mask.shape, np.float32)
-    hard[mask] = level > np.quantile(level, 1 - rng.uniform(*SECOND_SHARE))
-    soft, inside = blur(np.stack([hard, mask.astype(np.float32)]), BORDER_PX)
-    return np.where(mask, soft / np.maximum(inside, 1e-6), 0.0).clip(0.0, 1.0)
-
-
 def paint(material: Material, factor: np.ndarray) -> Material:
     """Apply a texture to a material: f0 and albedo [..., 3] as factor; a dielectric's coat stays as it is."""
     if np.any(material.albedo):
@@ -212,28 +149,3 @@ def paint(material: Material, factor: np.ndarray) -> Material:
         return replace(material, albedo=albedo, f0=np.broadcast_to(material.f0, factor.shape))
     f0 = np.minimum(material.f0 * factor**ON_METAL, 1.0)
     return replace(material, albedo=np.zeros_like(factor), f0=f0)
-
-
-def mix(first: Material, second: Material, share: np.ndarray) -> Material:
-    """Mix two materials of one alpha, share [...] the second: f0 and albedo [..., 3]."""
-    share = share[..., None]
-    f0, albedo = ((1 - share) * getattr(first, name) + share * getattr(second, name) for name in ("f0", "albedo"))
-    return replace(first, f0=f0, albedo=albedo)
-
-
-def paint_some(
-    materials: Sequence[Material], normals: np.ndarray, rng: np.random.Generator, textured: float, two_materials: float
-) -> list[Material]:
-    """Give a share of objects of normals [B, 3, S, S] a texture, and a share a second material of the same alpha; some
-    get both. The f0 and albedo of what is changed are [S, S, 3]."""
-    chosen = rng.random((len(materials), 2)) < (textured, two_materials)
-    chosen &= np.asarray(normals.any(axis=(1, 2, 3)))[:, None]  # a thin object, reshaped, may have left its picture
-    result = list(materials)
-    for k in np.flatnonzero(chosen.any(axis=1)):
-        n = np.moveaxis(normals[k], 0, -1)
-        if chosen[k, 0]:
-            result[k] = paint(result[k], draw_factor(n, rng))
-        if chosen[k, 1]:
-            second = draw_material(rng, result[k].alpha)
-            result[k] = mix(result[k], second, draw_share(n, rng))
-    return result

@@ -31,15 +31,21 @@ def train_light(
     while this one learns. start: weights to go on from.
 
     Raises:
-        InputError: no data.
+        InputError: no data, or a device that is not there.
     """
+    import torch
+
     from anyprobe_train.light.left_out_light import left_out_scores
     from anyprobe_train.light.light_run import LightRunConfig, run_light
     from anyprobe_train.world.batch import World
     from anyprobe_train.world.feed import Feed
 
-    if data is None:
-        raise InputError("expected --data with hdri and meshes, got none; fetch them with anyprobe-train data")
+    known = ("cpu", "cuda") if torch.cuda.is_available() else ("cpu",)
+    if device not in known:
+        raise InputError(f"expected one of {', '.join(known)}", subject="device", source=device)
+    if data is None or not all((data / name).is_dir() for name in ("hdri", "meshes")):
+        text = "expected --data with hdri and meshes, got none; fetch them with anyprobe-train data"
+        raise InputError(text, source=data)
     config, settings = LightRunConfig(), {}
     if steps is not None:
         config = replace(config, steps=steps)

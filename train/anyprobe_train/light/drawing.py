@@ -10,13 +10,14 @@ from torch.nn import functional as F
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe_train.evaluate.metrics import WITHIN_DEG
-from anyprobe_train.nets.emitter_head import POWER_FLOOR
 
+POWER_FLOOR = 0.1
+"""Power added to the power above white before its logarithm [sr of white]; less than this hardly counts."""
 SLOTS = 3
 """Number of sources that are looked for."""
 SOURCE_ROWS, PEAK_ROWS = MAP_HEIGHT // 2, MAP_HEIGHT // 4
 """Rows at which a source's place is weighed, and at which its peak is looked for first."""
-PEAK, AROUND = 50.0, 60.0
+PEAK = 12.0
 """Sharpness [1/(1 - cos)] of the blur in which the peak is the most, and of what counts around it."""
 SHARP, ROUNDS = 200.0, 3
 """Sharpness of the choice of the peak, and rounds in which it moves to the mean of what counts around it."""
@@ -61,12 +62,13 @@ class MapDrawing(nn.Module):
         """Return the unit direction [N, S, 3] around the peak of each source's places."""
         share = torch.exp(places)
         coarse = 4.0 * F.avg_pool2d(share.unflatten(2, (SOURCE_ROWS, 2 * SOURCE_ROWS)), 2).flatten(2)
-        blur = torch.exp(PEAK * (self.peak_directions @ self.peak_directions.T - 1.0))
+        d = self.peak_directions + 0.0 * share[0, 0, 0]  # exports fold nothing of it into a constant of a megabyte
+        blur = torch.exp(PEAK * (d @ d.T - 1.0))
         blurred = coarse @ blur
         height = SHARP * blurred / blurred.amax(dim=2, keepdim=True) + self.ln_peak_angles
         peak = F.normalize(torch.softmax(height, dim=2) @ self.peak_directions, dim=2)
         for _ in range(ROUNDS):
-            near = share * torch.exp(AROUND * (peak @ self.place_directions.T - 1.0).clamp(min=-0.3))
+            near = share * torch.exp(PEAK * (peak @ self.place_directions.T - 1.0).clamp(min=-1.5))
             peak = F.normalize(near @ self.place_directions, dim=2)
         return peak
 

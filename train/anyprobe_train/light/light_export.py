@@ -17,18 +17,22 @@ from anyprobe.estimate.light_graph import INPUTS, OUTPUTS, graph_inputs
 from anyprobe.estimate.runtime import CONTRACT
 from anyprobe_train.light.both_ways import both_ways
 from anyprobe_train.light.drawing import power_of
+from anyprobe_train.light.given import Framed, Given, framed
 from anyprobe_train.light.light_run import load_lean_net
 from anyprobe_train.light.light_views import LightViews
 from anyprobe_train.light.network import LeanNet, LightAnswer
-from anyprobe_train.light_graph.back import Back
-from anyprobe_train.light_graph.front import Framed, Front, Given
-from anyprobe_train.light_graph.known_parts import radiance_of
+from anyprobe_train.light.shown import inverse_display
+from anyprobe_train.light.summed_up import Harmonics
 from anyprobe_train.train.export_onnx import CONVOLUTIONS, FLOATS, LINEAR_LAYERS, Graph, write_graph
 
 TOLERANCE = 0.03
 """Largest median difference of any output from torch that weights of eight bits may cause."""
 TWO_OF_THREE = float(np.log(3.0))
 """Bound that two of three errors keep, in mean errors of a Laplace distribution."""
+BELIEVED = 0.5
+"""Share of what is seen that the map has to go on from, for it to be the place."""
+THIN = 1e-3
+"""Least cover that is divided by."""
 KNOWN_LENS_DEG = 0.5
 """Error of a field of view that is given."""
 ENOUGH: float = contract("exposure")["enough"]
@@ -55,8 +59,7 @@ class LeanGraph(nn.Module):
 
     def __init__(self, net: LeanNet) -> None:
         super().__init__()
-        self.net, self.views = net, LightViews()
-        self.front, self.back = Front(), Back()
+        self.net, self.views, self.harmonics = net, LightViews(), Harmonics()
 
     def forward(
         self,
@@ -71,46 +74,35 @@ class LeanGraph(nn.Module):
         sun: torch.Tensor,
         believe: torch.Tensor,
     ) -> tuple[torch.Tensor, ...]:
-        given = Given(
-            photo=photo[0].permute(2, 0, 1),
-            window=window[0].permute(2, 0, 1),
-            geometry=geometry[0],
-            lens=lens[0],
-            up=up[0],
-            normals=normals[0].permute(2, 0, 1),
-            material=material[0],
-            panorama=panorama[0].permute(2, 0, 1),
-            sun=sun[0],
-            believe=believe[0, 0],
-        )
-        framed, inputs = self.front.framed(given), self.views(given)
+        given = Given.of((photo, window, geometry, lens, up, normals, material, panorama, sun, believe))
+        crop, (inputs, beside) = framed(given), self.views(given)
         answer = both_ways(self.net, inputs)
-        exposed = torch.where(inputs.crop[:, 3].amax() > 0.5, framed.well_exposed, torch.ones_like(framed.well_exposed))
+        exposed = torch.where(inputs.crop[:, 3].amax() > 0.5, crop.well_exposed, torch.ones_like(crop.well_exposed))
         confidence = torch.sigmoid(answer.confidence[0, 0]) * (exposed / ENOUGH).clamp(max=1.0)
-        panorama = torch.cat([given.panorama, (given.panorama[:3].amax() > 1.0) * given.panorama[3:]])
-        beside = self.front.seen(given, framed, torch.eye(3))
-        light, _, cover = radiance_of(panorama + (1.0 - panorama[3:4]) * beside)
-        known = torch.maximum(panorama[3:4], given.believe * cover)  # else the network says what it believes
+        light, cover = known_light(given.panorama + (1.0 - given.panorama[3:]) * beside)
+        known = torch.maximum(given.panorama[3:], given.believe * cover)  # else the network says what it believes
+        believed = torch.maximum(answer.believed[0], given.believe)
+        shown = torch.maximum(given.panorama[3:], (believed > BELIEVED).float() * cover)
         guess = torch.exp(answer.ln_radiance[0])
         radiance = guess + known * (torch.maximum(light, guess * (light >= 1.0)) - guess)
         outputs = (
             radiance.permute(1, 2, 0),
             confidence,
-            self.back.harmonics(radiance),
+            self.harmonics(radiance),
             self._sources(answer),
             torch.sigmoid(answer.soft),
             self._errors(answer),
             self._posture(answer),
             self._field_of_view(answer, given),
             torch.sigmoid(answer.outdoors),
-            torch.zeros(2) + 0.0 * given.believe,
-            torch.cat([light * cover, cover]).permute(1, 2, 0),
-            self._normals(answer, framed),
+            torch.stack([(believed <= BELIEVED).float(), torch.zeros_like(believed)]),
+            torch.cat([light * shown, shown]).permute(1, 2, 0),
+            self._normals(answer, crop),
             self._material(answer),
-            framed.crop.permute(1, 2, 0),
-            torch.cat([framed.camera_from_crop.flatten(), framed.tan_half[None], framed.center]).reshape(4, 3),
-            framed.well_exposed[None],
-            torch.zeros_like(framed.crop[:3]).permute(1, 2, 0),
+            crop.crop.permute(1, 2, 0),
+            torch.cat([crop.camera_from_crop.flatten(), crop.tan_half[None], crop.center]).reshape(4, 3),
+            crop.well_exposed[None],
+            torch.zeros_like(crop.crop[:3]).permute(1, 2, 0),
         )
         return tuple(one[None] for one in outputs)
 
@@ -140,15 +132,22 @@ class LeanGraph(nn.Module):
         steep = 2.0 * tangent / (1.0 + tangent**2) * (180.0 / math.pi)  # d degrees / d ln tangent
         return torch.stack([degrees, known * KNOWN_LENS_DEG + (1.0 - known) * steep * error])
 
-    def _normals(self, answer: LightAnswer, framed: Framed) -> torch.Tensor:
+    def _normals(self, answer: LightAnswer, crop: Framed) -> torch.Tensor:
         """Return normals over the crop in its frame, [64, 64, 3]."""
         n = F.interpolate(answer.normals, size=(64, 64), mode="bilinear", align_corners=False)
-        turned = torch.einsum("ck,chw->hwk", framed.camera_from_crop, n[0])
+        turned = torch.einsum("ck,chw->hwk", crop.camera_from_crop, n[0])
         return turned / turned.square().sum(dim=2, keepdim=True).sqrt().clamp(min=1e-6)
 
     def _material(self, answer: LightAnswer) -> torch.Tensor:
         metal, others = answer.material[0].split([1, 4])
         return torch.cat([torch.sigmoid(metal), torch.exp(others)])
+
+
+def known_light(seen: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    """Return radiance [3, H, 2H] of surroundings [4, H, 2H], RGB times cover and cover, and their cover [1, H, 2H]."""
+    cover = seen[3:]
+    shown = seen[:3] / cover.clamp(min=THIN)
+    return torch.where(shown > 1.0, shown, inverse_display(shown)), cover
 
 
 def export_lean(checkpoint: Path, path: Path) -> float:
@@ -169,6 +168,7 @@ def write_light(net: LeanNet, path: Path, run: dict) -> float:
         inputs={name: tuple(value.shape) for name, value in zip(INPUTS, examples, strict=True)},
         outputs=OUTPUTS,
         typical=np.median,
+        ranked=("sources",),
         small=(LINEAR_LAYERS, CONVOLUTIONS),
         dynamic=DYNAMIC,
     )

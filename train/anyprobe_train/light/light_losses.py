@@ -13,12 +13,10 @@ from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe_train.evaluate.calibration import CLOSE
-from anyprobe_train.light.drawing import PEAK_ROWS, SLOTS, SOURCE_ROWS
+from anyprobe_train.light.drawing import PEAK_ROWS, POWER_FLOOR, SLOTS, SOURCE_ROWS
 from anyprobe_train.light.network import NORMALS_SIDE, LightAnswer
 from anyprobe_train.light.pictured import LightTruth
-from anyprobe_train.nets.emitter_head import POWER_FLOOR
-from anyprobe_train.nets.light_net import display
-from anyprobe_train.train.map_losses import clipped_where_white, pixel_loss, scales_loss
+from anyprobe_train.light.shown import clipped_where_white, display
 
 LIGHT_WEIGHTS: dict[str, float] = {
     "display": 1.0,
@@ -39,7 +37,7 @@ LIGHT_WEIGHTS: dict[str, float] = {
     "lens": 0.1,
     "confidence": 0.05,
     "direction_error": 0.02,
-    "normals": 0.3,
+    "normals": 1.0,
     "material": 0.05,
 }
 """Weight of each loss."""
@@ -53,7 +51,7 @@ SOFT_FROM = 0.5
 """Share of power that no source has from which on light is soft."""
 LENS_UNIT, ANGLE_UNIT = 0.1, float(np.radians(10.0))
 """Errors that count as one: of ln of the tangent, and of the camera's posture [radians]."""
-METAL = 0.5
+METAL, LEAST_CHORD = 0.5, 0.02
 OUT_OF_ORDER = 1.0
 """Price of a source found by another slot than that of its rank: slots that are all alike would learn of none."""
 
@@ -202,7 +200,8 @@ class LightLoss:
         shown = truth.normals.square().sum(dim=1) > 0.25
         along = (F.normalize(truth.normals, dim=1) * guess.normals).sum(dim=1)
         share = shown.sum(dim=(1, 2)).clamp(min=NORMALS_SIDE)
-        normals = torch.where(shown, 1 - along, 0.0).sum(dim=(1, 2)) / share
+        chord = torch.sqrt(2 * (1 - along).clamp(min=0.0) + LEAST_CHORD**2) - LEAST_CHORD
+        normals = torch.where(shown, chord, 0.0).sum(dim=(1, 2)) / share
         known = ~torch.isnan(truth.material[:, 0])
         true = torch.nan_to_num(truth.material)
         reflectance = (guess.material[:, 1:4] - torch.log(true[:, 1:].clamp(min=0.02))).abs().mean(dim=1)
@@ -210,6 +209,24 @@ class LightLoss:
         kind = F.binary_cross_entropy_with_logits(guess.material[:, 0], metal, reduction="none")
         material = kind + reflectance + 0.3 * laplace(reflectance, guess.material[:, 4])
         return {"normals": mean_where(normals, known), "material": mean_where(material, known)}
+
+
+def pixel_loss(difference: torch.Tensor, weight: torch.Tensor) -> torch.Tensor:
+    """Compute the mean of weight (|d| / 2 + 2 d^2) over differences d [N, 3, H, 2H] of display values.
+
+    weight: of pixels, [1, 1, H, 2H].
+    """
+    return (weight * (difference.abs() * 0.5 + difference.square() * 2)).mean()
+
+
+def scales_loss(difference: torch.Tensor) -> torch.Tensor:
+    """Compute the sum of mean d^2 + .3 mean |d| over differences d [N, 3, H, 2H] of display values, averaged over 2, 4,
+    8 and 16 pixels."""
+    loss = difference.new_zeros(())
+    for _ in range(4):
+        difference = F.avg_pool2d(difference, 2)
+        loss = loss + difference.square().mean() + 0.3 * difference.abs().mean()
+    return loss
 
 
 def _coarse(share: torch.Tensor) -> torch.Tensor:

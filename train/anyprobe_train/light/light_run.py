@@ -34,7 +34,7 @@ from anyprobe_train.train.muon import MuonAndAdam
 
 SAVE_SECONDS, SCORE_SECONDS = 300.0, 1800.0
 """Seconds between two checkpoints, and between two scores of photos that are left out."""
-SAYING = ("head.", "posture.", "of_light.2.", "of_photo.2.", "normals.")
+SAYING = ("head.", "posture.", "of_light.2.", "of_photo.2.", "features.", "shape.head.")
 """Layers that say the answer."""
 
 Batches = Callable[[int], Iterator[Any]]
@@ -114,7 +114,7 @@ def run_light(
     path = runs / config.name / "checkpoint.pt"
     net = LeanNet().to(device).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     optimizer = MuonAndAdam(net, config.learning_rate, config.matrix_rate, config.weight_decay, last=SAYING)
-    stored, origin = resumed(path, config, {"assets": assets}, start, device, holds="net")
+    stored, origin = resumed(path, config, {"assets": assets}, start, device)
     if stored is not None:
         origin = agreed(path, stored.get("origin", {}), origin)
     begun = 0
@@ -177,7 +177,7 @@ def run_light(
 
 def keep_light(checkpoint: Path, path: Path) -> None:
     """Keep a run's weights, the mean of them, in half floats, to go on from in another run."""
-    stored = read_checkpoint(checkpoint, holds="net")
+    stored = read_checkpoint(checkpoint)
     keep_apart(checkpoint, path)
     save_weights(stored["net"], path, stored["step"] * json.loads(stored["config"])["batch"])
 
@@ -185,7 +185,7 @@ def keep_light(checkpoint: Path, path: Path) -> None:
 def load_lean_net(checkpoint: Path) -> tuple[LeanNet, dict[str, Any]]:
     """Return the trained network of a checkpoint (the mean of its weights), ready to run, and its step, configuration
     and origin; ModelError if there is none, or of another release."""
-    stored = read_checkpoint(checkpoint, holds="net")
+    stored = read_checkpoint(checkpoint)
     net = LeanNet()
     load_weights(net, stored["net"], checkpoint)
     about = {"step": stored["step"], "origin": stored.get("origin", {}), **json.loads(stored["config"])}

@@ -9,60 +9,57 @@ import numpy as np
 import torch
 from torch import nn
 
+from anyprobe_train.light.given import CROP_MARGIN, SHORTEST, Given, object_box
 from anyprobe_train.light.network import NORMALS_SIDE, PICTURE_PX, LightInputs
+from anyprobe_train.light.read_windows import read_photo, read_window
 from anyprobe_train.light.seen_on_sphere import SeenOnSphere
-from anyprobe_train.light_graph.front import CROP_MARGIN, SHORTEST, Given, span
-from anyprobe_train.light_graph.sampling import read_window
 
 ASSUMED_TANGENT = float(np.tan(np.radians(30.0)))
 """Tangent of half the longer side's field where the lens is not known."""
 
 
 class LightViews(nn.Module):
-    """Given, one photo -> LightInputs of one row."""
+    """Given, one photo -> LightInputs of one row, and what the photo shows beside its object, on the sphere
+    [4, 64, 128]: RGB times cover, a value above 1 radiance; cover."""
 
     def __init__(self) -> None:
         super().__init__()
         self.seen = SeenOnSphere()
 
-    def forward(self, given: Given) -> LightInputs:
+    def forward(self, given: Given) -> tuple[LightInputs, torch.Tensor]:
         width, height, k, x0, y0, step = given.geometry.unbind()
         longest = torch.maximum(width, height)
         known = (given.lens[1] > 0.5).float()
         half = known * given.lens[0] + (1.0 - known) * ASSUMED_TANGENT
         some, center, side = self._square(given)
-        rgb, cover, mask = given.photo[:3].clamp(max=1.0), given.photo[3:4], given.photo[4:]
         first = (width - longest) / 2.0 / k, (height - longest) / 2.0 / k
-        whole = read_window(torch.cat([rgb * cover, some * mask, cover]), first, (longest / k, longest / k), PICTURE_PX)
-        context = whole.clamp(0.0, 1.0)[None]
+        covered_photo = torch.cat([given.photo[..., :3] * given.photo[..., 3:4], given.photo[..., 3:]], dim=2)
+        rgb, cover, mask = read_photo(covered_photo, first, longest / k, PICTURE_PX).split([3, 1, 1])
+        context = torch.cat([rgb, some * mask, cover])[None].clamp(min=0.0)
         start = (center[0] - side / 2.0 - x0) / step, (center[1] - side / 2.0 - y0) / step
         masked = torch.cat([given.window[:3].clamp(max=1.0) * given.window[3:], given.window[3:]])
         crop = some * read_window(masked, start, (side / step, side / step), PICTURE_PX)
         right, down = (2.0 * center - torch.stack([width, height])).unbind()
         scale = some * half / longest
         lens = torch.stack([half, right * scale, -down * scale, side * scale, known])
-        seen = self.seen(context, half[None])
+        seen = self.seen(context, half[None])[0]
         covered = given.panorama[3:]
         panorama = torch.cat([torch.minimum(given.panorama[:3], covered), covered])
-        return LightInputs(
-            context=context,
+        inputs = LightInputs(
+            context=context.clamp(max=1.0),
             crop=crop.clamp(0.0, 1.0)[None],
-            seen=panorama[None] + (1.0 - covered)[None] * seen,
+            seen=(panorama + (1.0 - covered) * seen.clamp(max=1.0))[None],
             lens=lens[None],
             up=given.up[None],
             normals=some * self._normals(given, center, side)[None],
             material=given.material[None],
             sun=given.sun[None],
         )
+        return inputs, seen
 
     def _square(self, given: Given) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
         """Return whether there is an object [], and the centre [2] and side [] of the square around it, full pixels."""
-        _, _, _, x0, y0, step = given.geometry.unbind()
-        mask = given.window[3]
-        left, right = span(mask.amax(dim=0))
-        top, bottom = span(mask.amax(dim=1))
-        some = (mask.amax() > 0.5).float()
-        box = torch.stack([x0 + step * left, y0 + step * top, x0 + step * right, y0 + step * bottom])
+        some, box = object_box(given)
         box = torch.where(some > 0, box, torch.tensor([0.0, 0.0, 1.0, 1.0]))
         return some, (box[:2] + box[2:]) / 2.0, CROP_MARGIN * (box[2:] - box[:2]).amax()
 

@@ -17,8 +17,9 @@ from torch.nn import functional as F
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe_train.light.drawing import LN_MOST, SLOTS, MapDrawing
+from anyprobe_train.light.shape import ShapeNet
+from anyprobe_train.light.shown import inverse_display
 from anyprobe_train.nets.blocks import conv, two_layers, wrap
-from anyprobe_train.nets.whole_net import inverse_display
 
 PICTURE_PX = 96
 """Side of the crop's and of the context's picture [pixels]."""
@@ -78,7 +79,8 @@ class LightAnswer:
     confidence [N, 1, 64, 128] logit. soft [N] logit of no source dominating. errors [N, 3]: ln of the mean errors of
     the dominant direction [tens of degrees], of ln level, of the mean colour [tens of degrees]. posture [N, 3]: pitch,
     ln of its error, roll. lens [N, 2]: ln tangent of half the longer side's field, ln of its error. outdoors [N] logit.
-    normals [N, 3, 48, 48]: unit, camera frame. material [N, 5]: logit of a metal, ln reflectance RGB, ln of its error.
+    believed [N]: share of what is seen that the map goes on from. normals [N, 3, 48, 48]: unit, camera frame.
+    material [N, 5]: logit of a metal, ln reflectance RGB, ln of its error.
     """
 
     ln_shown: torch.Tensor
@@ -97,6 +99,7 @@ class LightAnswer:
     posture: torch.Tensor
     lens: torch.Tensor
     outdoors: torch.Tensor
+    believed: torch.Tensor
     normals: torch.Tensor
     material: torch.Tensor
 
@@ -153,10 +156,11 @@ class LeanNet(nn.Module):
         super().__init__()
         self.context = Tower(5 + 3, context, 192)
         self.crop = Tower(4 + 2, crop, CODE_LENGTH)
-        self.given_normals = nn.Conv2d(4, crop[1], 1)
+        self.shape = ShapeNet()
+        self.of_normals = nn.Conv2d(5, crop[1], 1)
         self.up_crop = nn.Conv2d(crop[2], crop[1], 1)
         self.surface = conv(crop[1], crop[1])
-        self.normals = nn.Conv2d(crop[1], 3 * 4 + LIFTED - 3, 3, padding=1)
+        self.features = nn.Conv2d(crop[1], LIFTED - 3, 3, padding=1)
         self.together = nn.Sequential(nn.Linear(192 + CODE_LENGTH + 5 + 3 + 8 + 3 + 1, CODE_LENGTH), nn.LeakyReLU(0.1))
         self.posture = nn.Linear(CODE_LENGTH, 3)
         last, decoded, fine, coarse, middle = sphere
@@ -198,17 +202,22 @@ class LeanNet(nn.Module):
         is_known = known[:, :, None, None].expand(-1, 1, PICTURE_PX, PICTURE_PX)
         crop_rays = self.grid * side[:, :, None, None] + center[:, :, None, None]
         _, _, seen_code = self.context(_last(torch.cat([inputs.context, rays, is_known], dim=1)))
-        fine, middle, code = self.crop(_last(torch.cat([inputs.crop, crop_rays], dim=1)), self._given(inputs.normals))
+        estimated = self.shape(inputs.crop, center, side, NORMALS_SIDE)
+        with torch.autocast(estimated.device.type, enabled=False):
+            known = (inputs.normals.square().sum(dim=1, keepdim=True) > 0.25).float()
+            normals = known * inputs.normals + (1 - known) * estimated.detach()
+            inside = F.avg_pool2d(inputs.crop[:, 3:], PICTURE_PX // NORMALS_SIDE)
+            shape = F.avg_pool2d(torch.cat([normals * inside, inside, known], dim=1), 2)
+        fine, middle, code = self.crop(_last(torch.cat([inputs.crop, crop_rays], dim=1)), self.of_normals(shape))
         surface = self.surface(fine + F.interpolate(self.up_crop(middle), scale_factor=2.0, mode="nearest"))
-        normals, features = self.normals(surface).split([12, LIFTED - 3], dim=1)
-        toward = F.normalize(F.pixel_shuffle(normals, 2).float() + _facing(F.avg_pool2d(crop_rays, 2)), dim=1)
+        features = self.features(surface)
         present = inputs.crop[:, 3:].amax(dim=(2, 3))
         sun_given = inputs.sun.square().sum(dim=1, keepdim=True)
         hints = torch.cat([inputs.lens, inputs.up, inputs.material, inputs.sun, present], dim=1)
         code = self.together(F.dropout(torch.cat([seen_code, code, hints], dim=1), DROPPED, self.training))
         posture = self.posture(code).float()
         with torch.autocast(code.device.type, enabled=False):  # a cosine of eight bits is degrees off
-            weights = self._lifting(inputs.normals, toward.detach(), crop_rays)
+            weights = self._lifting(normals, crop_rays)
             near = self._near(inputs, posture, sun_given)
         glossy, matte = self._lift(inputs.crop, features, weights)
         beside = torch.cat([F.pixel_unshuffle(inputs.seen, 2), near], dim=1)
@@ -222,21 +231,12 @@ class LeanNet(nn.Module):
         out = self.head(self.last(_last(torch.cat([x, beside], dim=1))))
         light, photo = self.of_light(said).float(), self.of_photo(said).float()
         with torch.autocast(code.device.type, enabled=False):
-            return self._answer(inputs, out.float(), near, light, photo, posture, toward)
+            return self._answer(inputs, out.float(), near, light, photo, posture, estimated)
 
-    def _given(self, normals: torch.Tensor) -> torch.Tensor:
-        """Return what given normals add to the crop's features, [N, C, 24, 24]."""
-        known = (normals.square().sum(dim=1, keepdim=True) > 0.25).to(normals.dtype)
-        return self.given_normals(F.avg_pool2d(torch.cat([normals, known], dim=1), 2))
-
-    def _lifting(
-        self, given: torch.Tensor, normals: torch.Tensor, crop_rays: torch.Tensor
-    ) -> tuple[torch.Tensor, torch.Tensor]:
+    def _lifting(self, normals: torch.Tensor, crop_rays: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """Return how much each of the P = 24 * 24 points of the crop counts in each direction: along those that they
         mirror [N, 512, P], and along their normals [N, 128, P]."""
-        known = (given.square().sum(dim=1, keepdim=True) > 0.25).to(given.dtype)
-        n = F.avg_pool2d(known * given + (1 - known) * normals, 2)
-        n = F.normalize(n, dim=1).flatten(2)  # [N, 3, P]
+        n = F.normalize(F.avg_pool2d(normals, 2), dim=1).flatten(2)  # [N, 3, P]
         wo = _facing(F.avg_pool2d(crop_rays, 4)).flatten(2)
         wi = 2.0 * (n * wo).sum(dim=1, keepdim=True) * n - wo
 
@@ -328,6 +328,7 @@ class LeanNet(nn.Module):
             posture=posture,
             lens=torch.cat([lens[:, :1] + float(np.log(np.tan(np.radians(30.0)))), lens[:, 1:] - 2.0], dim=1),
             outdoors=outdoors[:, 0],
+            believed=(goes_on * cover).sum(dim=(1, 2, 3)) / cover.sum(dim=(1, 2, 3)).clamp(min=1.0),
             normals=normals,
             material=material,
         )

@@ -73,7 +73,7 @@ def seen_again(inputs: LightInputs, some: torch.Tensor) -> LightInputs:
     if not some.any():
         return inputs
     seen = inputs.seen.clone()
-    seen[some] = _on_sphere(some.device)(inputs.context[some], inputs.lens[some, 0])
+    seen[some] = _on_sphere(some.device)(inputs.context[some], inputs.lens[some, 0]).clamp(max=1.0)
     return replace(inputs, seen=seen)
 
 

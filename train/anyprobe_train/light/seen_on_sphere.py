@@ -17,7 +17,7 @@ LEAST_DEPTH, LEAST_COVER = 0.05, 1e-3
 
 class SeenOnSphere(nn.Module):
     """Context picture [N, 5, 96, 96] and tangent of half its field [N] -> what it shows beside the object on the
-    sphere, [N, 4, 64, 128]: RGB times cover, cover."""
+    sphere, [N, 4, 64, 128]: RGB times cover, cover; radiance above white stays."""
 
     plane: torch.Tensor
 
@@ -35,4 +35,4 @@ class SeenOnSphere(nn.Module):
         picture = torch.cat([context[:, :3] / cover.clamp(min=LEAST_COVER) * free, free], dim=1)
         at = (self.plane / half.view(-1, 1, 1, 1)).clamp(-3.0, 3.0)
         read = F.grid_sample(picture, at, mode="nearest", padding_mode="zeros", align_corners=False)
-        return F.pad(F.avg_pool2d(read, TIMES).clamp(max=1.0), (MAP_HEIGHT // 2, MAP_HEIGHT // 2))
+        return F.pad(F.avg_pool2d(read, TIMES), (MAP_HEIGHT // 2, MAP_HEIGHT // 2))

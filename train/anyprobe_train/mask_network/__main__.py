@@ -65,7 +65,7 @@ def export(
     checkpoint = run / "checkpoint.pt" if run.is_dir() else run
     if keep is not None:
         keep_apart(checkpoint, keep)
-        save_init_weights(checkpoint, keep, holds="net")
+        save_init_weights(checkpoint, keep)
     print(f"{to / 'mask.onnx'}: within {export_mask(checkpoint, to):.2g} of torch")
     if keep is not None:
         print(keep)

@@ -7,8 +7,9 @@ phone.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
@@ -18,7 +19,6 @@ from anyprobe.core.color import to_bytes
 from anyprobe.masks.networks import PADDING_GREY, SMALL_PX
 from anyprobe.masks.prompts import draw_prompts
 from anyprobe_train.dataset.camera import SUBSAMPLINGS, blur, compress
-from anyprobe_train.dataset.pair_source import slide
 from anyprobe_train.mask_network.composites import PHOTO_ASPECTS, Scene, draw_scene
 from anyprobe_train.mask_network.foregrounds import LitView, ViewSource
 
@@ -69,6 +69,13 @@ class MaskBatch:
     photo: torch.Tensor
     prompt: torch.Tensor
     mask: torch.Tensor
+
+
+def slide(cache: dict, numbers: range, make: Callable[[int], Any]) -> list:
+    """Return the items of the wanted numbers, made unless cached; items of other numbers are dropped."""
+    for number in cache.keys() - set(numbers):
+        del cache[number]
+    return [cache[number] if number in cache else cache.setdefault(number, make(number)) for number in numbers]
 
 
 class SceneSource:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 import time
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -10,7 +11,7 @@ from pathlib import Path
 import torch
 from torch.nn import functional as F
 
-from anyprobe_train.dataset.asset_store import AssetStore
+from anyprobe_train.dataset.asset_store import AssetStore, load_asset_store, name_assets
 from anyprobe_train.dataset.lighting import Illuminator
 from anyprobe_train.dataset.surfaces import SurfaceConfig, build_surfaces
 from anyprobe_train.mask_network.examples import MaskBatch, SceneConfig, SceneSource
@@ -19,14 +20,12 @@ from anyprobe_train.mask_network.mask_net import MaskNet
 from anyprobe_train.nets.blocks import autocast
 from anyprobe_train.train.checkpoint import (
     agreed,
-    load_init_weights,
     load_weights,
     read_checkpoint,
+    read_init_weights,
     resumed,
     save_checkpoint,
 )
-from anyprobe_train.train.config import LightConfig
-from anyprobe_train.train.dataloader import load_assets, make_maps, name_assets
 from anyprobe_train.train.logger import RunLogger, run_folder
 from anyprobe_train.train.loop import CHECKPOINT_SECONDS, learning_rate, mean_of, move_mean
 
@@ -39,7 +38,7 @@ class MaskRunConfig:
 
     small: side of the pictures in the first small_steps steps, which cost a third there and teach what an
     object is as well; the rest are at full size and teach its edge. averaged: decay of the running mean of the
-    weights, which is what is exported.
+    weights, which is what is exported. own_maps: procedural maps beside those of the data folder.
     """
 
     name: str = "mask"
@@ -56,7 +55,7 @@ class MaskRunConfig:
     surfaces: SurfaceConfig = field(
         default_factory=lambda: SurfaceConfig(views=1, procedural=40, figures=50, parts=25, stretch=0.2, size=192)
     )
-    light: LightConfig = field(default_factory=lambda: LightConfig(procedural=20))
+    own_maps: int = 20
 
 
 def small_mask_run(config: MaskRunConfig, steps: int) -> MaskRunConfig:
@@ -68,17 +67,22 @@ def small_mask_run(config: MaskRunConfig, steps: int) -> MaskRunConfig:
         warmup=2,
         scenes=replace(config.scenes, batch=4, scenes=4, views=2, textures=4),
         surfaces=replace(config.surfaces, views=1, procedural=2, figures=0, parts=0),
-        light=replace(config.light, procedural=2),
+        own_maps=2,
     )
 
 
 def make_scenes(config: MaskRunConfig, store: AssetStore, cache: Path) -> SceneSource:
     """Return the endless scenes of a run: training assets, if there are any, and our own."""
-    radiance = make_maps(config.light, store)
+    radiance = [asset.radiance for asset in store.maps.values()]
     surfaces = build_surfaces(list(store.shapes.values()), config.surfaces, cache)
     textures = TexturePool(config.scenes.seed, config.scenes.textures, radiance)
     views = ViewSource(Illuminator(radiance, compiled=False), surfaces, textures, config.scenes.seed)
     return SceneSource(views, config.scenes)
+
+
+def warned(line: str) -> None:
+    """Say on stderr what cannot be used."""
+    print(f"warning: {line}", file=sys.stderr)
 
 
 def mask_loss(logits: torch.Tensor, target: torch.Tensor) -> torch.Tensor:
@@ -109,22 +113,30 @@ def train_mask(
 ) -> Path:
     """Train to config.steps, resuming from the checkpoint of runs/<config.name> if there is one; return its path.
 
-    Args, errors: as of train.loop.train; scenes: the batches, when they are at hand already.
+    Args:
+        data: folder with hdri/train and meshes/train; None trains on procedural assets.
+        runs: the checkpoint and log.csv go to runs/<config.name>.
+        stop_after: stop (with a checkpoint) once this many steps are done in all.
+        scenes: the batches, when they are at hand already.
+        start: weights to start from, of train.checkpoint; a resumed run may name those that it started from.
+
+    Raises:
+        InputError: a checkpoint of another run (train.checkpoint).
     """
     torch.manual_seed(config.seed)
     path = runs / config.name / "checkpoint.pt"
     net = MaskNet().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     optimizer = torch.optim.AdamW(net.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay)
-    stored, origin = resumed(path, config, {}, start, holds="net")
+    stored, origin = resumed(path, config, {}, start)
     if stored is None and start is not None:
-        load_init_weights(net, start)
+        load_weights(net, read_init_weights(start)[0], start)
     mean, first = mean_of(net, optimizer, stored, path)
     folder = run_folder(runs, config.name)
     last = config.steps if stop_after is None else min(stop_after, config.steps)
     if first >= last:
         return path
     if scenes is None:
-        store = load_assets(config.light, data)
+        store = load_asset_store(data, "train", procedural_maps=config.own_maps, report=warned)
         origin = agreed(path, origin, {"assets": name_assets(store)})
         scenes = make_scenes(config, store, runs / "cache")
         del store  # hundreds of maps, of which the scenes keep what they need
@@ -151,7 +163,7 @@ def train_mask(
 def load_mask_net(checkpoint: Path) -> tuple[MaskNet, dict]:
     """Load the trained network of a checkpoint (the mean of its weights), its step and its configuration; ModelError if
     there is none, or of another release."""
-    stored = read_checkpoint(checkpoint, holds="net")
+    stored = read_checkpoint(checkpoint)
     net = MaskNet()
     load_weights(net, stored["net"], checkpoint)
     return net.eval().requires_grad_(False), {"step": stored["step"], **json.loads(stored["config"])}

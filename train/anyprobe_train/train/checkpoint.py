@@ -19,12 +19,7 @@ from anyprobe.files.atomic import atomic_path
 
 CHANGEABLE = ("name", "steps")
 """Settings that may change when a run is resumed."""
-OPTIONS_OF = {
-    "pairs.lanes": "pairs.lanes (processes times --workers, 2 without workers) of",
-    "processes": "a number of processes of",
-    "assets": "--data with",
-    "start": "--init-weights with",
-}
+OPTIONS_OF = {"assets": "--data with", "start": "--init-weights with"}
 
 
 def agreed(path: Path, first: Mapping[str, Any], current: Mapping[str, Any]) -> dict[str, Any]:
@@ -36,7 +31,7 @@ def agreed(path: Path, first: Mapping[str, Any], current: Mapping[str, Any]) -> 
 
 
 def resumed(
-    path: Path, config: Any, origin: dict[str, Any], start: Path | None, device: str = "cpu", holds: str = "nets"
+    path: Path, config: Any, origin: dict[str, Any], start: Path | None, device: str = "cpu"
 ) -> tuple[dict[str, Any] | None, dict[str, Any]]:
     """Return the run's checkpoint, None if there is none yet, and its origin with the weights it started from.
 
@@ -50,7 +45,7 @@ def resumed(
         origin["start"] = init_weights_id(start)
     if not path.is_file():
         return None, {"start": None, **origin}
-    stored = read_checkpoint(path, device, holds)
+    stored = read_checkpoint(path, device)
     if "optimizer" not in stored:
         raise ModelError(
             "expected a run's checkpoint, got weights alone; train in another folder with --init-weights", source=path
@@ -103,29 +98,19 @@ def save_checkpoint(path: Path, config: Any, step: int, origin: Mapping[str, Any
     """Save everything that the next step depends on; what is drawn depends on the step's number alone.
 
     state: weights, of the networks and of the optimizer, and numbers, by name.
-    """
-    about = {"step": step, "config": json.dumps(asdict(config)), "origin": dict(origin)}
-    write_tensors(path, {**state, **about})
-
-
-def write_tensors(path: Path, values: Mapping[str, Any]) -> None:
-    """Write a file for torch.load, atomically; torch reports a full disk as an error of its own, Python as one of
-    files.
 
     Raises:
         OutputError: it cannot be written.
     """
-    data = io.BytesIO()
-    torch.save(dict(values), data)
+    about = {"step": step, "config": json.dumps(asdict(config)), "origin": dict(origin)}
+    data = io.BytesIO()  # torch reports a full disk as an error of its own, Python as one of files
+    torch.save({**state, **about}, data)
     with atomic_path(path) as temporary:
         temporary.write_bytes(data.getbuffer())
 
 
-def read_checkpoint(path: Path, device: str = "cpu", holds: str = "nets") -> dict[str, Any]:
-    """Read what save_checkpoint wrote; ModelError if there is no file, a damaged one, or none of a run.
-
-    holds: the name that has the weights.
-    """
+def read_checkpoint(path: Path, device: str = "cpu") -> dict[str, Any]:
+    """Read what save_checkpoint wrote; ModelError if there is no file, a damaged one, or none of a run."""
     if not path.is_file():
         raise ModelError("no such checkpoint; train first", source=path)
     with path.open("rb") as stream:
@@ -135,8 +120,8 @@ def read_checkpoint(path: Path, device: str = "cpu", holds: str = "nets") -> dic
             raise _no_checkpoint(path, "a damaged file") from error
     if not isinstance(stored, Mapping):
         raise _no_checkpoint(path, f"a {type(stored).__name__}")
-    if not isinstance(stored.get(holds), Mapping):
-        raise _no_checkpoint(path, f"a file without {holds}")
+    if not isinstance(stored.get("net"), Mapping):
+        raise _no_checkpoint(path, "a file without weights")
     try:
         config = json.loads(stored["config"])
     except (KeyError, TypeError, ValueError) as error:
@@ -171,11 +156,11 @@ SMALL = 1024
 """Size below which tensors stay float32 [numbers]: statistics and biases, which take little space."""
 
 
-def save_init_weights(checkpoint: Path, path: Path, holds: str = "nets") -> None:
-    """Save a checkpoint's weights, those named `holds`, by save_weights; errors of read_checkpoint, keep_apart."""
-    stored = read_checkpoint(checkpoint, holds=holds)
+def save_init_weights(checkpoint: Path, path: Path) -> None:
+    """Save a checkpoint's weights by save_weights; errors of read_checkpoint, keep_apart."""
+    stored = read_checkpoint(checkpoint)
     keep_apart(checkpoint, path)
-    save_weights(stored[holds], path)
+    save_weights(stored["net"], path)
 
 
 def save_weights(weights: Mapping[str, torch.Tensor], path: Path, pairs: int | None = None) -> None:
@@ -204,19 +189,6 @@ def keep_apart(checkpoint: Path, path: Path) -> None:
         raise InputError(
             "expected another file for the weights, got the run's own checkpoint; choose another", source=path
         )
-
-
-def load_init_weights(nets: nn.Module, path: Path) -> None:
-    """Load the weights that save_init_weights wrote; ModelError if they do not fit.
-
-    Networks of the file that are not among nets are left out.
-    """
-    own = {name for name, _ in nets.named_children()}
-    weights = {name: x for name, x in read_init_weights(path)[0].items() if name.split(".")[0] in own}
-    try:
-        nets.load_state_dict(weights)
-    except Exception as error:  # other names, other shapes, no weights at all
-        raise _not_of_this_run(path, " ".join(str(error).split())[:80]) from error
 
 
 def init_weights_id(path: Path) -> str:

@@ -1,30 +1,20 @@
-"""Progress bar, log.csv, TensorBoard events and pictures of a run."""
+"""Progress bar, log.csv and TensorBoard events of a run."""
 
 from __future__ import annotations
 
 import csv
 import sys
 import time
-from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 import torch
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-from torch.nn import functional as F
 
-from anyprobe.core.color import to_bytes
 from anyprobe.files.atomic import unwritable
-from anyprobe.pictures.images import write_png
-from anyprobe_train.dataset.pair_source import Batch
-from anyprobe_train.train.checkpoint import write_tensors
 
 LOG_STEPS = 25
 """Number of steps that a row of log.csv averages."""
-PICTURED = 4
-"""Number of pairs in pictures, the first of the run's first batch."""
 
 
 def run_folder(runs: Path, name: str) -> Path:
@@ -38,17 +28,11 @@ def run_folder(runs: Path, name: str) -> Path:
 
 
 class RunLogger:
-    """Context that logs a run: call `see` and `note` every step, `draw` at every checkpoint."""
+    """Context that logs a run: call `note` every step."""
 
-    def __init__(
-        self, folder: Path, name: str, columns: tuple[str, ...], first: int, last: int, total: int, learner: Any = None
-    ) -> None:
-        """Continue at step `first` of a run of `total` steps, to stop at `last`.
-
-        learner: if it has a method `pictures` (train.lift), checkpoints are drawn by it.
-        """
+    def __init__(self, folder: Path, name: str, columns: tuple[str, ...], first: int, last: int, total: int) -> None:
+        """Continue at step `first` of a run of `total` steps, to stop at `last`."""
         self.columns, self.last = columns, last
-        self._learner = learner if hasattr(learner, "pictures") else None
         self._folder, self._first, self._total = folder, first, total
         shown = (
             TextColumn(name),
@@ -59,7 +43,6 @@ class RunLogger:
         )
         self._progress = Progress(*shown, console=Console(file=sys.stderr))
         self._history: list[torch.Tensor] = []
-        self._pairs: Batch | None = None
 
     def __enter__(self) -> RunLogger:
         from torch.utils.tensorboard import SummaryWriter
@@ -98,56 +81,6 @@ class RunLogger:
             self._events.add_scalar(f"loss/{name}", mean, step)
         self._progress.update(self._task, description=f"{' '.join(values)}  {speed:.0f} pairs/s")
         self._history, self._since = [], now
-
-    def see(self, batch: Any) -> None:
-        """Keep the pairs for pictures: those of the run's first batch, stored in its folder for later resumes.
-
-        If the folder has none, the first batch at hand serves.
-        """
-        if self._pairs is not None or self._learner is None:
-            return
-        path = self._folder / "pictures.pt"
-        self._pairs = _read_pairs(path, batch) if self._first > 0 else None
-        if self._pairs is None:
-            self._pairs = replace(batch, **{name: value[:PICTURED].clone() for name, value in _parts(batch)})
-            write_tensors(path, dict(_parts(self._pairs)))
-
-    def draw(self, step: int) -> None:
-        """Draw the networks' output for these pairs, one row each, into pictures.png and TensorBoard.
-
-        Nothing that the next step depends on changes: no statistics, no random numbers.
-        """
-        if self._pairs is None or self._learner is None:
-            return
-        self._learner.nets.eval()
-        with torch.no_grad():
-            sheet = side_by_side(self._learner.pictures(self._pairs))
-        self._learner.nets.train()
-        write_png(self._folder / "pictures.png", sheet)
-        self._events.add_image("pictures", sheet, step, dataformats="HWC")
-
-
-def side_by_side(pictures: tuple[torch.Tensor, ...]) -> np.ndarray:
-    """Join pictures [N, 3, H, W] of display values into one [N h, W, 3] uint8: N rows, as high as the lowest."""
-    height = min(picture.shape[2] for picture in pictures)
-    scaled = [
-        F.interpolate(picture.float(), size=(height, picture.shape[3] * height // picture.shape[2]), mode="area")
-        for picture in pictures
-    ]
-    rows = torch.cat(scaled, dim=3).permute(0, 2, 3, 1)  # [N, h, W, 3]
-    return to_bytes(rows.flatten(0, 1).cpu().numpy())
-
-
-def _parts(batch: Batch) -> list[tuple[str, torch.Tensor]]:
-    return [(field.name, getattr(batch, field.name)) for field in fields(batch)]
-
-
-def _read_pairs(path: Path, like: Batch) -> Batch | None:
-    """Read the pairs that `see` kept to the device of `like`; None if absent, damaged or of another release."""
-    try:
-        return Batch(**torch.load(path, map_location=like.photo.device, weights_only=True))
-    except Exception:  # torch raises many kinds for an absent or a damaged file
-        return None
 
 
 def forget_after(log: Path, step: int) -> None:

@@ -39,7 +39,7 @@ from anyprobe_train.world.views import CAMERAS, SHAPES, Views, shape_files
 from anyprobe_train.world.windows import on_sphere, window_resampled
 
 PHOTO_FAMILIES = ("ground", "table", "things", "dark", "procedural", "cut_out", "no_object")
-SHARES = (0.32, 0.15, 0.13, 0.1, 0.08, 0.16, 0.06)
+SHARES = (0.25, 0.21, 0.19, 0.09, 0.08, 0.13, 0.05)
 LIGHT_OF = {"ground": "ground", "table": "real", "things": "real", "dark": "dark", "procedural": "procedural"}
 PHOTOS_OF_LIGHT = 6
 """Photos that share a light, each with another object, camera and layout."""

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from anyprobe.core.frames import turn_towards, world_from_camera
+from anyprobe.core.frames import normalize, turn_towards, world_from_camera
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.meshes import MESH_SUFFIXES, read_mesh
 from anyprobe.render.mesh import Mesh
@@ -21,10 +21,10 @@ from anyprobe.render.voxels import SIDE as CELLS
 from anyprobe.render.voxels import voxelize
 from anyprobe_train.dataset.catalog import STRANGE_MESHES, allows_commercial_use, listed_rows
 from anyprobe_train.dataset.drawn_shapes import draw_shape, figure, part, transformed, waved
-from anyprobe_train.dataset.surfaces import SurfaceConfig, draw_view
+from anyprobe_train.dataset.surfaces import stretched
 from anyprobe_train.world.march import hidden_bits, nearest_faces
 
-VERSION = 1
+VERSION = 2
 """Raised whenever the same shape number would give other views."""
 SEEN_PX, COARSE = 96, 48
 """Sides of what is kept of a view, and of where cells are."""
@@ -38,8 +38,9 @@ TANGENT = (0.05, 0.62)
 """Bounds of the tangent that the unit sphere is seen under; even in the logarithm."""
 KINDS = (0.64, 0.12, 0.12, 0.12)
 """Shares of real shapes, single solids, figures of several, and machined parts."""
-DEFORMED = SurfaceConfig(stretch=0.16, tilt_deg=0.0, bend=0.35, relief=0.3)
-"""How real shapes, solids and figures are deformed, most of them."""
+STRETCH, BEND, RELIEF = 0.16, 0.35, 0.3
+"""How real shapes, solids and figures are deformed, most of them: standard deviation of ln of what stretches them along
+three random directions; largest slopes of the slow waves that bend them and of the fast ones that emboss them."""
 AS_IS = 0.35
 OWN_CELLS = 0.055
 """Distance [radii] from the surface at which rays start (shading.OWN)."""
@@ -103,9 +104,20 @@ def draw_mesh(files: ShapeFiles, rng: np.random.Generator) -> Mesh:
     mesh = read_mesh(files.paths[rng.integers(len(files.paths))]) if kind == 0 else (draw_shape, figure)[kind - 1](rng)
     if rng.random() < AS_IS:
         return mesh
-    view = draw_view(0, DEFORMED, rng)
-    mesh = mesh if view.waves is None else waved(mesh, *view.waves)
-    return mesh if view.matrix is None else transformed(mesh, view.matrix)
+    slow, fast = _waves(rng, 3, (0.8, 3.0), BEND), _waves(rng, 3, (5.0, 18.0), RELIEF)
+    mesh = waved(mesh, *(np.concatenate(pair) for pair in zip(slow, fast, strict=True)))
+    return transformed(mesh, stretched(STRETCH, rng))
+
+
+def _waves(
+    rng: np.random.Generator, count: int, frequency: tuple[float, float], max_slope: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Draw pushes, waves [count, 3] and phases [count] for `waved`, whose slopes sum to at most max_slope."""
+    along = normalize(rng.normal(size=(count, 3)))
+    waves = along * np.exp(rng.uniform(np.log(frequency[0]), np.log(frequency[1]), size=(count, 1)))
+    slopes = rng.dirichlet(np.ones(count)) * rng.uniform(0.0, max_slope)
+    pushes = normalize(rng.normal(size=(count, 3))) * (slopes / np.linalg.norm(waves, axis=1))[:, None]
+    return pushes, waves, rng.uniform(0, 2 * np.pi, count)
 
 
 def standing_mesh(files: ShapeFiles, rng: np.random.Generator) -> Mesh:

@@ -1,6 +1,6 @@
 """The shipped graph of `lift` with its weights in floats, for engines that lack DequantizeLinear (Unity Sentis).
 
-    python -m research.export_weights.float_twin FOLDER
+    python -m research.float_twin FOLDER
     anyprobe estimate photo.jpg --model FOLDER
 
 It computes the same: the shipped one keeps weights as int8 and half floats, and widens them when it is opened.

@@ -1,1 +1,0 @@
-"""Training and export of WholeNet, the network that sees the whole photo."""
