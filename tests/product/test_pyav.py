@@ -61,10 +61,9 @@ def test_an_animated_picture_is_a_clip_or_said_to_be_one_that_is_not_read(tmp_pa
     except InputError as error:
         said = str(error)
     if suffix == "webp" and isinstance(said, str):  # which older FFmpeg does not read
-        assert "animated picture" in said
+        assert "got a picture" in said
     else:
         assert said == len(PICTURES)
-        assert open_clip(path).warnings == ()
 
 
 IN_OPEN, IN_NONBLOCK = 0x20, 0o4000

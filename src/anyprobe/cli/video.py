@@ -146,7 +146,7 @@ def video(
         )
     if outcome.damaged:
         console.print(f"warning: {clip.name}: {outcome.damaged} damaged pieces skipped", soft_wrap=True)
-    warnings = [*header.warnings, *outcome.notes, *(one.naming(PLACING) for one in run.place_warnings)]
+    warnings = [*outcome.notes, *(one.naming(PLACING) for one in run.place_warnings)]
     for line in warnings:
         console.print(f"warning: {options.OPTIONS.line(line)}", soft_wrap=True)
     summary = {

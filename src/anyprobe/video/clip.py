@@ -19,7 +19,7 @@ from anyprobe.errors import AnyprobeError, InputError, InvalidPhoto, OutputError
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.paths import absence_of
 from anyprobe.video.frame_pixels import shown_pixels
-from anyprobe.video.pyav import open_video, picture_refused, pyav
+from anyprobe.video.pyav import open_video, pyav
 
 CODEC = "libx264"
 QUALITY = {"crf": "18", "preset": "veryfast", "bf": "0"}
@@ -27,8 +27,6 @@ QUALITY = {"crf": "18", "preset": "veryfast", "bf": "0"}
 BT709 = {"colorspace": 1, "color_primaries": 1, "color_trc": 1, "color_range": 1}
 """Colours that the file declares, as code points of ITU-T H.273; without them players guess."""
 TIME_BASE = Fraction(1, 90_000)
-STILLS = ("mjpeg", "png", "bmp", "webp", "tiff")
-"""Codecs of cover pictures, which some files do not mark as such; that they hold one frame may not be stated."""
 LEAST_STEP_S = 1e-3
 """Least time between two frames; some files repeat a time."""
 
@@ -65,14 +63,13 @@ class Frame:
 class Clip:
     """Header of a file; num_frames is 0 where the file does not state it, and may be slightly wrong.
 
-    stream: which of the file's streams is the clip. warnings: lines about what was left out.
+    stream: which of the file's streams is the clip.
     """
 
     path: Path
     num_frames: int
     fps: float
     stream: int = 0
-    warnings: tuple[str, ...] = ()
 
 
 def open_clip(path: Path) -> Clip:
@@ -89,45 +86,17 @@ def open_clip(path: Path) -> Clip:
         raise InputError("is a pipe or device, not a video; write it into a file first", source=path)
     try:
         with open_video(path) as container:
-            if container.format.name == "image2" or container.format.name.endswith("_pipe"):
-                raise picture_refused(path)
-            if not container.streams.video:
-                raise InputError("a file without pictures, not a video; check the path", source=path)
-            moving = [one for one in container.streams.video if not one.disposition & _pictures()]
-            if not moving:
-                raise InputError("holds a cover picture but no video; check the path", source=path)
-            stream = max(moving, key=_rank)
+            stream = container.streams.best("video")
+            if stream is None or stream.disposition & av.stream.Disposition.attached_pic:
+                raise InputError("a file without moving pictures, not a video; check the path", source=path)
             if stream.codec_context is None:
                 raise InputError("expected a codec that FFmpeg knows, got another; convert it to mp4", source=path)
             rate = stream.average_rate or stream.guessed_rate or 30
-            others = [one for one in moving if one is not stream and _rank(one)[0]]
-            said = () if not others else (_several(path, stream, len(others)),)
-            return Clip(path=path, num_frames=stream.frames or 0, fps=float(rate), stream=stream.index, warnings=said)
+            return Clip(path=path, num_frames=stream.frames or 0, fps=float(rate), stream=stream.index)
     except (av.error.FFmpegError, ValueError, OSError) as error:
         if isinstance(error, InputError):
             raise
         raise _unreadable(path, error) from error
-
-
-def _pictures():
-    """Dispositions of streams that hold pictures other than the clip."""
-    kinds = pyav().stream.Disposition
-    return kinds.attached_pic | kinds.timed_thumbnails | kinds.still_image
-
-
-def _rank(stream) -> tuple[bool, bool, int, int]:
-    """Return a stream's rank; the highest is the clip: moving, the file's default, the largest, the first."""
-    context = stream.codec_context
-    if context is None:
-        return False, False, 0, -stream.index
-    moves = stream.frames > 1 or (stream.frames == 0 and context.name not in STILLS)
-    default = bool(stream.disposition & pyav().stream.Disposition.default)
-    return moves, default, context.width * context.height, -stream.index
-
-
-def _several(path: Path, stream, others: int) -> str:
-    size = f"{stream.codec_context.width} x {stream.codec_context.height}"
-    return f"{path.name}: holds {others + 1} videos; takes stream {stream.index} ({size})"
 
 
 def _unreadable(path: Path, error: Exception) -> InputError:

@@ -6,8 +6,6 @@ BT.2020 for its primaries, else BT.709 for HD and BT.601 for smaller pictures.
 
 from __future__ import annotations
 
-import math
-import struct
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -29,9 +27,6 @@ HD = (1280, 576)
 
 MOST_ASPECT = 4
 """Largest ratio of a pixel's sides that is believed and made square."""
-
-LEAST_AREA = 0.01
-"""Least area of what a display matrix makes of a square, over the product of its sides' lengths."""
 
 BITS = 8
 
@@ -70,7 +65,8 @@ def shown_pixels(
             f"got {picture.width} x {picture.height}; shrink it first",
             source=path,
         )
-    turns, mirrors = _turns_and_mirrors(_display_matrix(picture))
+    degrees = picture.rotation  # counter-clockwise; no angle where the file's matrix flattens the picture
+    turns = round(degrees / 90) if abs(degrees) <= 180 else 0
     own = (height, width) if turns % 2 else (width, height)
     target = own
     if size is not None and size != own:
@@ -81,8 +77,6 @@ def shown_pixels(
 
     def placed(pixels: np.ndarray) -> np.ndarray:
         upright = np.rot90(pixels, turns)
-        if mirrors is not None:
-            upright = (pixels.swapaxes(0, 1) if turns % 2 else pixels)[:: mirrors[0], :: mirrors[1]]
         if size is None or size == target:
             return np.ascontiguousarray(upright)
         canvas = np.zeros((size[1], size[0], *pixels.shape[2:]), pixels.dtype)
@@ -100,38 +94,6 @@ def _alpha(picture, stored: tuple[int, int]) -> np.ndarray | None:
         return None
     alpha = picture.to_ndarray(format="rgba64le", width=stored[0], height=stored[1])[..., 3]
     return alpha / np.float32(0xFFFF) if (alpha < 0xFFFF).any() else None
-
-
-def _display_matrix(picture) -> tuple[int, int, int, int] | None:
-    """Return a, b, c, d of the file's display matrix, which shows x, y at a x + c y, b x + d y; None without one."""
-    try:
-        data = bytes(picture.side_data["DISPLAYMATRIX"])
-    except (LookupError, ValueError):  # this version does not know this kind of side data
-        return None
-    if len(data) < 36:
-        return None
-    a, b, _, c, d, *_ = struct.unpack("=9i", data[:36])
-    return a, b, c, d
-
-
-def _turns_and_mirrors(matrix: tuple[int, int, int, int] | None) -> tuple[int, tuple[int, int] | None]:
-    """Return the quarter turns, counter-clockwise, that show a frame upright; if mirrored also the steps 1 or -1.
-
-    Steps are of rows and of columns; a frame on its side is transposed first. A matrix that flattens the picture, as
-    old programs write it, is ignored.
-    """
-    if matrix is None:
-        return 0, None
-    a, b, c, d = matrix
-    area = a * d - b * c
-    if abs(area) <= LEAST_AREA * math.hypot(a, b) * math.hypot(c, d):
-        return 0, None
-    # as av_display_rotation_get computes it
-    turns = round(-math.atan2(b / math.hypot(b, d), a / math.hypot(a, c)) / (math.pi / 2)) % 4
-    if area > 0:
-        return turns, None
-    down, right = (d, a) if abs(a) >= abs(b) else (b, c)
-    return turns, (-1 if down < 0 else 1, -1 if right < 0 else 1)
 
 
 def _converted(picture, stored: tuple[int, int], path: Path) -> tuple[np.ndarray, np.ndarray | None]:

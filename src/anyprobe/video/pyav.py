@@ -18,22 +18,13 @@ CONTAINERS = (
 """FFmpeg's readers that open one file and no other. Playlists (hls, dash, concat, imf), patterns of names (image2),
 network sessions (sdp, rtsp) and devices (lavfi, v4l2) are left out."""
 
-PICTURE_READERS = (
-    "bmp cri dds dpx exr gem gif hdr j2k jpeg jpegls jpegxl jpegxs pam pbm pcx pfm pgm pgmyuv pgx phm photocd pictor "
-    "png ppm psd qdraw qoi sgi sunrast svg tiff vbn webp xbm xpm xwd"
-).split()
-"""Readers of still pictures, which are refused by name; FFmpeg calls them NAME_pipe."""
-
 ONE_FILE = {
-    "format_whitelist": ",".join((*CONTAINERS, *(f"{kind}_pipe" for kind in PICTURE_READERS))),
+    "format_whitelist": ",".join(CONTAINERS),
     "protocol_whitelist": "file",
     "enable_drefs": "0",  # parts of a .mov that lie in other files
     "use_absolute_path": "0",
 }
 """Options that let FFmpeg open the named file and nothing else."""
-
-PLAYLISTS = (b"#EXTM3U", b"ffconcat", b"<?xml", b"<MPD", b"v=0", b"[playlist]", b"<asx", b"<smil")
-"""First bytes of files that refer to other files."""
 
 
 def pyav() -> Any:
@@ -67,30 +58,9 @@ def open_video(path: Path) -> Any:
 
 
 def _not_opened(path: Path) -> InputError:
-    with open(path, "rb") as stream:
-        start = stream.read(64).lstrip(b"\xef\xbb\xbf \t\r\n").lower()
-    if start.startswith(tuple(word.lower() for word in PLAYLISTS)):
-        return InputError(
-            "expected a video, got a playlist, which names other files; name the video itself", source=path
-        )
-    if _is_animated(path) is not None:
-        return picture_refused(path)
-    return InputError("expected a video, got a file of another kind; convert it to mp4", source=path)
-
-
-def picture_refused(path: Path) -> InputError:
-    """Return the refusal of a picture that is given as a clip and that FFmpeg reads as a still one."""
-    still = "is a still picture, not a video; anyprobe estimate and relight take it"
-    animated = "expected a video, got an animated picture that FFmpeg does not read; convert it to mp4"
-    return InputError(animated if _is_animated(path) else still, source=path)
-
-
-def _is_animated(path: Path) -> bool | None:
-    """Return whether a picture that Pillow reads is animated; None for any other file.
-
-    FFmpeg may take a photo for one of a numbered series."""
     try:
-        with Image.open(path) as image:
-            return bool(getattr(image, "is_animated", False))
+        with Image.open(path):
+            text = "expected a video, got a picture; anyprobe estimate and relight take it"
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
-        return None
+        text = "expected a video, got another kind of file, or a playlist, which names other files; convert it to mp4"
+    return InputError(text, source=path)
