@@ -84,7 +84,14 @@ def prepare(
     """Turn a map [H, 2H, 3] into the world's frame, expose it, and split off its sources, or its dominant light.
 
     A map that was already turned, by its origin's map_from_camera, stays so; world_from_camera covers both.
-    said_sources: see light.light_sources.find_sources; in the map's frame.
+
+    Args:
+        world_from_camera: [3, 3] rotation; the export is then in the world's frame, +Y up.
+        exposure_ev: stops; 1 doubles the light. The sidecar records it.
+        origin: entries of the estimate's own sidecar, carried along.
+        error_deg: the estimate's error of its dominant light's direction [degrees]; None if it is none, or not known.
+        said_sources: see light.light_sources.find_sources; in the map's frame.
+        sources: whether all sources are split off.
 
     Raises:
         InputError: not a rotation, an exposure beyond 30 stops, an invalid file name.
