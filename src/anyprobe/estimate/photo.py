@@ -10,6 +10,7 @@ import numpy as np
 
 from anyprobe.core.camera import ASSUMED_LONG_FOV_DEG, PinholeCamera
 from anyprobe.core.contract import contract
+from anyprobe.core.response import inverse_response
 from anyprobe.errors import InvalidMask
 from anyprobe.estimate.doubts import all_around_doubts, exposure_doubts, grey_doubts, scale_doubts
 from anyprobe.estimate.ground import NOTED, Ground, estimate_ground
@@ -86,6 +87,11 @@ class Photo:
         """Its lens."""
         height, width = self.mask.shape
         return PinholeCamera.of_fov(width, height, self.long_fov_deg)
+
+    def linear(self, at: Any) -> np.ndarray:
+        """Return the linear radiance [..., 3] of pixels, above white too where the photo holds that; at: an index."""
+        shown = inverse_response(self.rgb[at])
+        return shown if self.radiance is None else np.where(self.radiance[at] > 1, self.radiance[at], shown)
 
     def plate(self) -> Plate | None:
         """Return what it shows beside its object, small enough to keep; None: nothing."""

@@ -14,7 +14,7 @@ from PIL import Image, ImageFilter
 from anyprobe.core.color import luminance
 from anyprobe.core.frames import orthonormal_basis
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
-from anyprobe.core.response import inverse_response, response
+from anyprobe.core.response import response
 from anyprobe.estimate.photo import Photo
 from anyprobe.relight.ground_view import View
 from anyprobe.relight.placement import Placement
@@ -57,7 +57,7 @@ class GroundPicture:
         weight = np.clip(border / (EDGE * min(view.width, view.height)), 0.0, 1.0) * (points[:, 2] < -1e-3)
         column, row = np.clip(pixels, 0, [view.width - 1, view.height - 1]).astype(int).T
         weight = (weight * self.free[row, column])[:, None]
-        shown = radiance_at(photo, row, column)
+        shown = photo.linear((row, column))
         toward = points / np.maximum(np.linalg.norm(points, axis=-1, keepdims=True), 1e-9)
         around = bilinear(self.radiance, direction_to_uv(toward.astype(np.float32)))
         return weight * shown * shadow.at(points) + (1 - weight) * around * shadow.at(points, with_beside=True)
@@ -82,16 +82,7 @@ def seen_ground(photo: Photo, view: View, points: np.ndarray) -> np.ndarray:
     seen &= photo.mask[row, column] < 0.5
     if photo.hidden is not None:
         seen &= ~photo.hidden[row, column]
-    return np.where(seen[:, None], radiance_at(photo, row, column), np.nan)
-
-
-def radiance_at(photo: Photo, row: np.ndarray, column: np.ndarray) -> np.ndarray:
-    """Return the linear radiance [..., 3] of pixels, above white too where the photo holds that."""
-    shown = inverse_response(photo.rgb[row, column])
-    if photo.radiance is None:
-        return shown
-    radiance = photo.radiance[row, column]
-    return np.where(radiance > 1, radiance, shown)
+    return np.where(seen[:, None], photo.linear((row, column)), np.nan)
 
 
 def with_ground(ground: GroundPicture, spot: Placement, shadow: GroundShadow) -> Float[np.ndarray, "K 2*K 3"]:

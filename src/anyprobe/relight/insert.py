@@ -96,20 +96,9 @@ def cast_shadow(photo: Photo, view: View, shadow: GroundShadow, part: Part | Non
         ratio = 1.0 - (1.0 - transmittance(view, shadow, strip)) * (1.0 - photo.mask[strip][..., None])
         touched = np.asarray((np.abs(ratio - 1.0) > LEAST_SHADOW).any(axis=-1))
         under = picture[within(strip, part)]
-        under[touched] = response(plate_of(photo, strip, touched) * ratio[touched])
+        at = tuple(side.start + index for side, index in zip(strip, np.nonzero(touched), strict=True))
+        under[touched] = response(photo.linear(at) * ratio[touched])
     return picture
-
-
-def plate_of(photo: Photo, part: Part, on: np.ndarray | slice = slice(None)) -> np.ndarray:
-    """Return linear radiance of a part of the photo [..., 3], above white too where the photo holds that.
-
-    on: pixels of the part, [R, C] bool.
-    """
-    plate = inverse_response(photo.rgb[part][on])
-    if photo.radiance is None:
-        return plate
-    radiance = photo.radiance[part][on]
-    return np.where(radiance > 1, radiance, plate)
 
 
 def transmittance(view: View, shadow: GroundShadow, part: Part) -> np.ndarray:

@@ -28,7 +28,7 @@ from anyprobe.light.environment import MAP_HEIGHT, integral, reduced
 from anyprobe.light.filtering import irradiance_map
 from anyprobe.light.octahedral import Pyramid, lookup_rgb
 from anyprobe.paper.equations import ggx_distribution, schlick_weight
-from anyprobe.relight.ground_map import GroundPicture, radiance_at, with_ground
+from anyprobe.relight.ground_map import GroundPicture, with_ground
 from anyprobe.relight.placement import Placement
 from anyprobe.relight.real_body import likely_bodies
 from anyprobe.relight.shadow import GroundShadow
@@ -128,7 +128,7 @@ class Surroundings:
         n = normalize(n) * np.sign((n * (middle - beside.positions.mean(axis=0))).sum(axis=1, keepdims=True))
         column, row = np.clip(view.pixels(middle), 0, [view.width - 1, view.height - 1]).astype(int).T
         seen = (photo.mask[row, column] > 0.5) & ((n * middle).sum(axis=1) < 0)
-        shown, lit = radiance_at(photo, row, column), self.irradiance(n)
+        shown, lit = photo.linear((row, column)), self.irradiance(n)
         mean = [of[seen].mean(axis=0) if seen.any() else np.zeros(3) for of in (shown, lit)]
         self.real_colors = np.where(seen[:, None], shown, lit * mean[0] / np.maximum(mean[1], 1e-9))
 

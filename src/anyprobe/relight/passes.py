@@ -11,7 +11,7 @@ import numpy as np
 
 from anyprobe.core.color import COLORSPACES, from_rec709
 from anyprobe.maps.radiance import HALF_MAX
-from anyprobe.relight.insert import Stage, mean_radiance, plate_of, transmittance, within
+from anyprobe.relight.insert import Stage, mean_radiance, transmittance, within
 from anyprobe.relight.shadow import GroundShadow
 from anyprobe.scatter.materials import Material
 
@@ -78,9 +78,8 @@ def passes_of(stage: Stage, radiance: np.ndarray, material: str | Material) -> P
     premultiplied[shown] = np.concatenate([drawn[..., :3] * coverage, coverage], axis=-1)
     even_light = np.ones((EVEN_ROWS, 2 * EVEN_ROWS, 3), np.float32)
     even = GroundShadow(spot.mesh, spot.foot, spot.radius, stage.view.up, even_light)
-    plate = plate_of(photo, (slice(0, height), slice(0, width)))
     return Passes(
-        plate=plate.astype(np.float32),
+        plate=photo.linear(...).astype(np.float32),
         shadow=_multiplier(stage, shadow),
         occlusion=_multiplier(stage, even)[..., 0],
         object=premultiplied,
