@@ -7,13 +7,11 @@ import json
 import sys
 import threading
 
-import numpy as np
 import pytest
 from support.two_phase import two_phase
 
-import anyprobe
 from anyprobe.cli import app
-from anyprobe.errors import InputError, MissingExtra
+from anyprobe.errors import MissingExtra
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.result import Light
 from anyprobe.estimate.sidecar import Origin
@@ -84,15 +82,6 @@ def test_a_package_that_is_there_but_cannot_be_loaded_is_not_called_absent():
 def test_a_closed_input_is_one_line(command, order, work, monkeypatch):
     monkeypatch.setattr(sys, "stdin", None)  # which is what Python makes of it
     assert "closed standard input" in command(*order.split()).complaint
-
-
-@pytest.mark.parametrize("kind", [np.uint8, np.float32])
-@pytest.mark.parametrize("field", ["photo", "mask", "depth", "normals", "surroundings"])
-def test_a_masked_array_is_refused_and_says_how_to_fill_it(photo_rgba, kind, field):
-    masked = np.ma.masked_array(photo_rgba[..., :3].astype(kind) / (1 if kind == np.uint8 else 255), mask=False)
-    given = ({"near": 0.5} if field == "depth" else {}) | ({field: masked} if field != "photo" else {})
-    with pytest.raises(InputError, match="masked array; fill it first"):
-        anyprobe.load_photo(masked if field == "photo" else photo_rgba, anyprobe.Hints(**given))
 
 
 # Sidecars

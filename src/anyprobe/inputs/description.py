@@ -12,7 +12,6 @@ from typing import Any, Literal, TypeVar, get_args, get_type_hints
 
 import numpy as np
 
-from anyprobe.core.arrays import plain_array
 from anyprobe.core.spelling import did_you_mean
 from anyprobe.errors import InputError
 
@@ -102,8 +101,6 @@ class Hint:
             if is_number or not (is_file or self.keyword in ("mask", "surroundings")):
                 got = f"the number {value}" if is_number else type(value).__name__
                 raise InputError(f"expected a file, its bytes, a picture or an array, got {got}", subject=self.keyword)
-            if isinstance(value, np.ma.MaskedArray):
-                plain_array(value, self.keyword, subject=self.keyword)
         elif self.numbers == (1,):
             if not is_number:
                 got = f"{type(value).__name__} {str(value)[:40]!r}"

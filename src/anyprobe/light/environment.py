@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from array_api_compat import array_namespace, device
 
-from anyprobe.core.arrays import plain_array
 from anyprobe.core.contract import contract
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
 from anyprobe.core.resample import overlaps
@@ -25,7 +24,7 @@ SEARCH_ROWS = 128
 
 def check_radiance(radiance: np.ndarray, name: str = "map") -> Float[np.ndarray, "H 2*H 3"]:
     """Return the map as float32 [H, 2H, 3], or raise InvalidEnvironment."""
-    radiance = plain_array(radiance, name, InvalidEnvironment)
+    radiance = np.asarray(radiance)
     shape = radiance.shape
     if radiance.ndim != 3 or shape[2] != 3 or shape[1] != 2 * shape[0] or shape[0] == 0:
         raise InvalidEnvironment(

@@ -15,7 +15,6 @@ from typing import Any, BinaryIO
 import numpy as np
 from PIL import Image
 
-from anyprobe.core.arrays import plain_array
 from anyprobe.core.color import to_bytes
 from anyprobe.core.response import response
 from anyprobe.errors import InvalidEnvironment, InvalidPhoto
@@ -341,7 +340,7 @@ def _from_linear(linear: np.ndarray, name: str) -> Pixels:
 
 def _from_array(values: np.ndarray, name: str) -> Pixels:
     """Check and scale an array to float32 in [0, 1]."""
-    values = plain_array(values, name, InvalidPhoto)
+    values = np.asarray(values)
     if values.ndim == 2:
         values = values[..., None]
     if values.ndim != 3 or values.shape[2] not in (1, 3, 4):
