@@ -9,8 +9,8 @@ from anyprobe.core.frames import rotation_x
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.relight.shadow import GroundShadow, sample_sky, sky_irradiance
 from anyprobe.render.mesh import Mesh
-from anyprobe.render.shadow_maps import sharp_shares
 from anyprobe.render.shapes import sphere
+from anyprobe.render.voxels import sharp_shares
 
 RADIUS = 0.5
 FEW = 32

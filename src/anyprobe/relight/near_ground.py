@@ -35,9 +35,8 @@ from anyprobe.relight.shadow import GroundShadow
 from anyprobe.render.integrate import PATCHES, emitters_specular, lobe_lod, lobe_samples, shading_pyramid
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.picture import LIGHT_ROWS, draw_mesh
-from anyprobe.render.shadow_maps import sharp_shares
 from anyprobe.render.surface import Camera, see
-from anyprobe.render.voxels import first_faces, open_shares, voxelize
+from anyprobe.render.voxels import first_faces, open_shares, sharp_shares, voxelize
 from anyprobe.scatter.materials import Material
 
 if TYPE_CHECKING:

@@ -1,4 +1,5 @@
-"""Shapes as occupied cells: what they hide from points, ray by ray or for all rays of one direction together.
+"""What shapes hide from points: as occupied cells, ray by ray or for all rays of one direction together; and, of single
+strong sources, by shadow maps, which are sharper.
 
 A shape is 64 x 64 words over x and z of its box, a bit for each of 64 cells along y. A ray passes columns, and in each
 the cells between the heights where it enters and leaves are one mask (Amanatides and Woo, "A Fast Voxel Traversal
@@ -13,13 +14,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from anyprobe.core.frames import orthonormal_basis
 from anyprobe.render.mesh import Mesh
+from anyprobe.render.surface import cover
 
 if TYPE_CHECKING:
     from jaxtyping import Float, Int
 
 SIDE = 64
 """Cells along each side of the box."""
+MAP_SIDE = 256
+"""Pixels of a shadow map along the mesh's longest extent."""
+
 FINENESS = 1.5
 """Points for a cell along a triangle's longest edge."""
 CLEAR = 1.0
@@ -143,3 +149,23 @@ def passed(
         (nearest[r, column] <= depth) * (1 - x) + (nearest[r, column + 1] <= depth) * x for r in (row, row + 1)
     )
     return upper * (1 - y) + lower * y
+
+
+def sharp_shares(
+    mesh: Mesh, points: Float[np.ndarray, "P 3"], directions: Float[np.ndarray, "D 3"]
+) -> Float[np.ndarray, "D P"]:
+    """Return how much of distant light from each direction reaches each point, 0 to 1, past the triangles of a mesh.
+
+    Points of its own surface should be a pixel or two off it.
+    """
+    result = np.empty((len(directions), len(points)), np.float32)
+    for share, direction in zip(result, directions, strict=True):
+        axes = np.stack([*orthonormal_basis(direction), direction], axis=-1)
+        corners, at = mesh.positions @ axes, points @ axes
+        low, pixel = corners[:, :2].min(axis=0), np.ptp(corners[:, :2], axis=0).max() / MAP_SIDE
+        corners[:, :2], at[:, :2] = (1 + (of[:, :2] - low) / pixel for of in (corners, at))
+        face, weights, covered = cover(corners[mesh.faces, :2], MAP_SIDE + 2)
+        nearest = np.full((MAP_SIDE + 2) ** 2, -np.inf)
+        np.maximum.at(nearest, covered, (weights * corners[mesh.faces[face], 2]).sum(axis=1))
+        share[:] = passed(nearest.reshape(MAP_SIDE + 2, MAP_SIDE + 2), at[:, 1::-1] - 0.5, at[:, 2])
+    return result
