@@ -24,36 +24,18 @@ with the time since: steady is then close to the plain mean of the values after 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from anyprobe.core.contract import contract
 
-FILTER = contract("filter")
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Smoothing:
-    """Time constants in seconds, and thresholds.
-
-    still_s, moving_s: memory of the output after a long rest and while it moves.
-    fast_s: time constant of the leading average. noise_s: that of the noise level.
-    least_noise: lower bound of the noise.
-    calm, moved: spreads at which the gain begins to rise and has risen fully.
-    let_go: motion above which all values before are to be forgotten. forgotten: share of them that may remain.
-    """
-
-    still_s: float = FILTER["still_s"]
-    moving_s: float = FILTER["moving_s"]
-    fast_s: float = FILTER["fast_s"]
-    noise_s: float = FILTER["noise_s"]
-    least_noise: float = FILTER["least_noise"]
-    calm: float = FILTER["calm"]
-    moved: float = FILTER["moved"]
-    let_go: float = FILTER["let_go"]
-    forgotten: float = FILTER["forgotten"]
+FILTER: dict[str, Any] = contract("filter")
+"""Time constants [s], memories after a long rest and while it moves among them; the least noise; spreads at which the
+gain begins to rise and has risen fully; motion above which all values before are to be forgotten, and the share of them
+that may remain."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -83,25 +65,29 @@ def begin_filter(y: np.ndarray) -> Steady:
 
 
 def advance(
-    state: Steady, y: np.ndarray, dt_s: float, apart: Callable[[np.ndarray, np.ndarray], float], c: Smoothing
+    state: Steady,
+    y: np.ndarray,
+    dt_s: float,
+    apart: Callable[[np.ndarray, np.ndarray], float],
+    c: Mapping[str, Any] = FILTER,
 ) -> Steady:
     """Return the state after one more value; pure.
 
-    apart: distance |one - other|.
+    apart: distance |one - other|. c: numbers as of FILTER.
     """
     age = state.age_s + dt_s
     noise = difference = apart(y, state.last) / np.sqrt(2.0)
     if state.noise is not None:
-        most = 3.0 * max(state.noise, c.least_noise)
-        noise = state.noise + gain(dt_s, min(c.noise_s, age)) * (min(difference, most) - state.noise)
-    lead = gain(dt_s, min(c.fast_s, state.memory_s + dt_s))
+        most = 3.0 * max(state.noise, c["least_noise"])
+        noise = state.noise + gain(dt_s, min(c["noise_s"], age)) * (min(difference, most) - state.noise)
+    lead = gain(dt_s, min(c["fast_s"], state.memory_s + dt_s))
     fast = toward(state.fast, y, lead)
-    spread = apart(fast, state.steady) / (max(noise, c.least_noise) * np.sqrt(lead / (2.0 - lead)))
-    motion = min(max((spread - c.calm) / (c.moved - c.calm), 0.0), 1.0)
-    memory = min(state.memory_s + dt_s, c.still_s) ** (1.0 - motion) * c.moving_s**motion
-    stale, stale_fast = (1.0, 1.0) if motion > c.let_go else (state.stale, state.stale_fast)
-    if stale > c.forgotten:
-        memory = min(memory, max(state.memory_s, c.moving_s))
+    spread = apart(fast, state.steady) / (max(noise, c["least_noise"]) * np.sqrt(lead / (2.0 - lead)))
+    motion = min(max((spread - c["calm"]) / (c["moved"] - c["calm"]), 0.0), 1.0)
+    memory = min(state.memory_s + dt_s, c["still_s"]) ** (1.0 - motion) * c["moving_s"] ** motion
+    stale, stale_fast = (1.0, 1.0) if motion > c["let_go"] else (state.stale, state.stale_fast)
+    if stale > c["forgotten"]:
+        memory = min(memory, max(state.memory_s, c["moving_s"]))
     share = gain(dt_s, memory)
     stale_fast -= lead * stale_fast
     return Steady(

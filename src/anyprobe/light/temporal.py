@@ -32,7 +32,7 @@ from anyprobe.core.frames import check_pose
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.light.environment import check_radiance, rotate
 from anyprobe.light.light_sources import BLUR_RADIUS, LightSource, draw_sources, edge_cosine, split_sources
-from anyprobe.light.steady import FILTER, Smoothing, Steady, advance, begin_filter
+from anyprobe.light.steady import FILTER, Steady, advance, begin_filter
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -171,7 +171,7 @@ def step(
     tracks = _led(_followed(tracks, sources, pairs, dt_s), math.inf if is_same else LEAD)
     has_leader = any(track.leads and track.is_seen for track in tracks) and odd_s == 0.0
     return FilterState(
-        soft=advance(state.soft, y, dt_s, _apart, Smoothing()),
+        soft=advance(state.soft, y, dt_s, _apart),
         tracks=tracks,
         pose=pose,
         odd_s=odd_s if is_same else 0.0,
