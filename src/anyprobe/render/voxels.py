@@ -1,4 +1,4 @@
-"""What shapes hide from points: as occupied cells, ray by ray or for all rays of one direction together; and, of single
+"""Light hidden from points by shapes: as occupied cells, ray by ray or for all rays of one direction together; and, of single
 strong sources, by shadow maps, which are sharper.
 
 A shape is 64 x 64 words over x and z of its box, a bit for each of 64 cells along y. A ray passes columns, and in each
