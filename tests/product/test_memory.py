@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import tracemalloc
 from collections.abc import Callable
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from anyprobe.core.response import inverse_response, response
+from anyprobe.estimate.photo import Photo
 from anyprobe.export.cube_textures import cube_faces
 from anyprobe.relight.ground_view import View
 from anyprobe.relight.insert import cast_shadow
@@ -48,12 +48,8 @@ def test_faces_by_strips_are_the_faces(noise, monkeypatch, size):
 def scene(rng):
     """A photo [500, 700] without an object, its camera, and a shadow that is a stripe of the ground."""
     height, width = 500, 700
-    photo = SimpleNamespace(
-        rgb=rng.random((height, width, 3), dtype=np.float32),
-        mask=np.zeros((height, width), np.float32),
-        hidden=None,
-        radiance=None,
-    )
+    rgb, mask = rng.random((height, width, 3), dtype=np.float32), np.zeros((height, width), np.float32)
+    photo = Photo(rgb=rgb, mask=mask, long_fov_deg=60.0, fov_source="given", name="noise", warnings=())
     photo.mask[400:450, 100:200] = 0.7
     view = View(width=width, height=height, focal=600.0, up=np.array([0.0, np.cos(0.3), np.sin(0.3)]))
     shadow = GroundShadow(sphere(8), view.on_ground(350.0, 400.0), 1.8, view.up, np.ones((16, 32, 3), np.float32))
