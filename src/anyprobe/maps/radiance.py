@@ -32,15 +32,9 @@ HALF_MIN = 2.0**-14
 ATTRIBUTE = "anyprobe:"
 """Prefix of the names of our own strings in an .exr's header."""
 
-LDR = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp", ".gif", ".heic", ".avif", ".jxl")
-"""Suffixes of pictures that are mistaken for maps."""
-
-KINDS = {HDR_MAGIC: ".hdr", EXR_MAGIC: ".exr", b"\x89PNG": "PNG", b"\xff\xd8\xff": "JPEG"}
-"""Formats by the first bytes of files that are mistaken for one another."""
-
 
 def read_radiance(path: str | os.PathLike[str], max_pixels: int = MAX_MAP_PIXELS) -> np.ndarray:
-    """Read a .hdr or .exr map: [H, 2H, 3] float32, linear Rec. 709, >= 0.
+    """Read a .hdr or .exr map, whatever its name: [H, 2H, 3] float32, linear Rec. 709, >= 0.
 
     Other primaries that the file names (an .exr's chromaticities, a .hdr's PRIMARIES) are converted
     to Rec. 709, white to white; a colour outside of Rec. 709 is clipped at 0.
@@ -51,25 +45,17 @@ def read_radiance(path: str | os.PathLike[str], max_pixels: int = MAX_MAP_PIXELS
         InvalidEnvironment: the file is absent, damaged, not HDR, not H x 2H, too large or of impossible primaries.
     """
     path = Path(path)
-    suffix = path.suffix.lower()
-    if suffix not in (".hdr", ".exr"):
-        if path.is_dir():
-            raise InvalidEnvironment(
-                "expected a map in .hdr or .exr, got a folder; name the maps in it", source=path.name
-            )
-        advice = "name the .exr or .hdr beside it"
-        if suffix != ".json":
-            advice = "a picture of 8 or 16 bits does not hold radiance" if suffix in LDR else "name such a file"
-        raise InvalidEnvironment(
-            f"expected a map in .hdr or .exr, got {suffix or 'no suffix'}; {advice}", source=path.name
-        )
     with open_regular(path, InvalidEnvironment, "a radiance map") as stream:
         start = stream.read(HDR_HEADER_BYTES)
-        _check_kind(start, suffix, path.name)
-        if suffix == ".hdr":
+        is_hdr = start.startswith(HDR_MAGIC)
+        if is_hdr:
             read_header(start, path.name, max_pixels)  # refuses a damaged or large one before all of it is read
+        elif not start.startswith(EXR_MAGIC):
+            got = "another kind of file" if start else "an empty one"
+            text = f"expected a Radiance .hdr or an OpenEXR .exr, got {got}; other pictures do not hold radiance"
+            raise InvalidEnvironment(text, source=path.name)
         data = start + read_rest(stream)
-    if suffix == ".hdr":
+    if is_hdr:
         return check_radiance(decode_hdr(data, path.name, max_pixels), path.name)
     return check_radiance(read_exr(data, path.name, InvalidEnvironment, max_pixels, rec709=True)[..., :3], path.name)
 
@@ -193,17 +179,6 @@ def map_attributes(path: str | os.PathLike[str]) -> dict[str, str]:
             return read_comments(start, ATTRIBUTE) if start.startswith(HDR_MAGIC) else exr_attributes(stream, ATTRIBUTE)
     except InputError:
         return {}
-
-
-def _check_kind(start: bytes, suffix: str, name: str) -> None:
-    """Raise InvalidEnvironment for an empty file, or one whose first bytes contradict its suffix."""
-    wanted = "a Radiance .hdr file" if suffix == ".hdr" else "an OpenEXR .exr file"
-    if not start:
-        raise InvalidEnvironment(f"expected {wanted}, got an empty one (0 bytes); copy or export it again", source=name)
-    kind = next((kind for magic, kind in KINDS.items() if start.startswith(magic)), suffix)
-    if kind != suffix:
-        advice = f"name it {kind}" if kind.startswith(".") else "8 bits do not hold radiance, use .hdr or .exr"
-        raise InvalidEnvironment(f"expected {wanted}, got {kind}; {advice}", source=name)
 
 
 def decode_hdr(data: bytes, name: str, max_pixels: int) -> np.ndarray:
