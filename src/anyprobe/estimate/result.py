@@ -16,7 +16,7 @@ from anyprobe.core.frames import check_pose
 from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.core.response import MEAN_CURVE, response
 from anyprobe.core.spelling import did_you_mean
-from anyprobe.errors import InputError, OutputError
+from anyprobe.errors import InputError
 from anyprobe.estimate.ground import GUESSED, Ground, levelled
 from anyprobe.estimate.material_hint import MEASURED_CONFIDENCE
 from anyprobe.estimate.sheet import draw_preview
@@ -34,10 +34,10 @@ from anyprobe.files.atomic import atomic_path
 from anyprobe.light.environment import check_radiance, integral, rotate
 from anyprobe.light.harmonics import directionality, project
 from anyprobe.light.light_sources import NO_SOURCE, LightSource, find_sources, turned_said
-from anyprobe.maps.radiance import map_attributes, write_exr, write_hdr
+from anyprobe.maps.radiance import map_attributes
 from anyprobe.notices import Notice, as_notice
-from anyprobe.pictures.images import png_bytes, write_png
-from anyprobe.place.panorama import DRAWN_ROWS, Panorama, check_rows, compose, in_frame
+from anyprobe.pictures.images import png_bytes
+from anyprobe.place.panorama import DRAWN_ROWS, Panorama, check_rows, compose, in_frame, save_map
 from anyprobe.place.plate import Plate
 
 if TYPE_CHECKING:
@@ -356,21 +356,13 @@ class Light:
         colorspace: of an .exr, linear: rec709 or acescg; its header says which, and load turns it back.
         """
         path = Path(path)
-        kind = path.suffix.lower()
-        own_frame = {name: str(value) for name, value in frame_of(self.map_from_camera).items()}
-        attributes = {"model": self.origin.model or "", **own_frame, "scale": SCALE}
-        if kind == ".exr":
-            write_exr(path, self.radiance, half=None, attributes=attributes, colorspace=colorspace)
-        elif kind == ".hdr":
-            write_hdr(path, self.radiance, attributes=attributes)
-        elif kind == ".json":
+        if path.suffix.lower() == ".json":
             with atomic_path(path) as temporary:
                 temporary.write_text(json.dumps(self.sidecar(), indent=1) + "\n", encoding="utf-8")
-        elif kind == ".png":
-            write_png(path, response(self.radiance))
-        else:
-            raise OutputError(f"expected .exr, .hdr, .json or .png, got {kind or 'no suffix'}", source=path)
-        return path
+            return path
+        own_frame = {name: str(value) for name, value in frame_of(self.map_from_camera).items()}
+        attributes = {"model": self.origin.model or "", **own_frame, "scale": SCALE}
+        return save_map(path, self.radiance, lambda: response(self.radiance), attributes, colorspace)
 
 
 def check_frame(frame: str) -> str:

@@ -12,7 +12,7 @@ is instead given the estimate's nine harmonics of luminance, by a smooth gain wi
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -113,22 +113,39 @@ class Panorama:
         Raises:
             OutputError: another suffix, or a file that cannot be written.
         """
-        path = Path(path)
-        kind = path.suffix.lower()
-        if kind == ".exr":
-            write_exr(path, self.radiance, half=None, attributes=self.attributes, colorspace=colorspace)
-        elif kind == ".hdr":
-            write_hdr(path, self.radiance, attributes=self.attributes)
-        elif kind == ".png":
-            write_png(path, self.display())
-        else:
-            raise OutputError(f"expected .exr, .hdr or .png, got {kind or 'no suffix'}", source=path)
-        return path
+        return save_map(path, self.radiance, self.display, self.attributes, colorspace)
 
     def save_origin(self, path: str | Path) -> Path:
         """Write the origin of each pixel as a picture: red is seen, green estimated, blue continued."""
         write_png(Path(path), self.origin)
         return Path(path)
+
+
+def save_map(
+    path: str | Path,
+    radiance: np.ndarray,
+    display: Callable[[], np.ndarray],
+    attributes: Mapping[str, str],
+    colorspace: str,
+) -> Path:
+    """Write a map as .exr (half floats, or floats where halves would clip), .hdr, or its display values as .png.
+
+    attributes: of the header. colorspace: of an .exr.
+
+    Raises:
+        OutputError: another suffix, or a file that cannot be written.
+    """
+    path = Path(path)
+    kind = path.suffix.lower()
+    if kind == ".exr":
+        write_exr(path, radiance, half=None, attributes=attributes, colorspace=colorspace)
+    elif kind == ".hdr":
+        write_hdr(path, radiance, attributes=attributes)
+    elif kind == ".png":
+        write_png(path, display())
+    else:
+        raise OutputError(f"expected .exr, .hdr, .png or a light's .json, got {kind or 'no suffix'}", source=path)
+    return path
 
 
 def check_rows(rows: int) -> None:
