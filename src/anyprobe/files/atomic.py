@@ -60,15 +60,15 @@ def check_writable(path: str | os.PathLike[str]) -> None:
     """
     target = Path(os.path.realpath(path))
     _refuse_folder(target, path)
-    try:
-        with tempfile.TemporaryFile(dir=next(folder for folder in target.parents if folder.exists())):
-            pass
-    except OSError as error:
-        raise unwritable(path, Path(path).parent, error) from error
+    check_folder(target.parent, path, "choose another folder")
 
 
-def check_folder(folder: str | os.PathLike[str]) -> None:
+def check_folder(
+    folder: str | os.PathLike[str], path: str | os.PathLike[str] | None = None, advice: str = "choose another with -o"
+) -> None:
     """Check in advance that atomic_files can write there; nothing is left behind.
+
+    path, advice: for the error; None: the folder.
 
     Raises:
         OutputError: see atomic_files.
@@ -78,7 +78,7 @@ def check_folder(folder: str | os.PathLike[str]) -> None:
         with tempfile.TemporaryFile(dir=next(one for one in (real, *real.parents) if one.exists())):
             pass
     except OSError as error:
-        raise unwritable(folder, Path(folder), error, "choose another with -o") from error
+        raise unwritable(path or folder, Path(folder), error, advice) from error
 
 
 @contextmanager
