@@ -67,16 +67,8 @@ class Outcome:
     notes: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class _Look:
-    """The mask follower's answer for one frame.
-
-    photo: the marked frame, or why there is none. before: MaskFollower.last before it. looks_same: MaskFollower's.
-    """
-
-    photo: Photo | AnyprobeError
-    before: list[float] | None
-    looks_same: bool
+_Look = tuple[Photo | AnyprobeError, list[float] | None, bool]
+"""A frame's photo or why there is none, and of MaskFollower: last before it, and looks_same."""
 
 
 class ClipRun:
@@ -189,10 +181,9 @@ class ClipRun:
         """Find the object in a frame; keep an error of the frame until its turn."""
         before = self.follower.last
         try:
-            photo = self.follower.photo(frame)
+            return self.follower.photo(frame), before, self.follower.looks_same
         except AnyprobeError as error:
-            return _Look(photo=error, before=before, looks_same=False)
-        return _Look(photo=photo, before=before, looks_same=self.follower.looks_same)
+            return error, before, False
 
     def _one(self, frame: Frame, look: _Look | None) -> dict:
         """Return the record of one frame; without a light of its own it keeps the last one and says why.
@@ -205,11 +196,11 @@ class ClipRun:
             raise InputError(f"expected one a frame, got {len(self.poses)}; make the others", subject="poses")
         if frame.index % self.every and done.light is not None:
             return {**record, **(self._turned(frame.index) or self._same())}
-        look = look or self._look(frame)
+        photo, before, looks_same = look or self._look(frame)
         try:
-            if isinstance(look.photo, AnyprobeError):
-                raise look.photo
-            self._photo = look.photo
+            if isinstance(photo, AnyprobeError):
+                raise photo
+            self._photo = photo
             light = self._estimate(self._photo, frame.index)
             if done.light is None:
                 done.notes = list(light.warnings)
@@ -223,7 +214,7 @@ class ClipRun:
             return {**record, "error": " ".join(str(error).splitlines()), **kept}
         dt_s = max(frame.time_s - done.light_time_s, 1e-3)
         pose = None if self.poses is None else self.poses[frame.index]
-        done.light = step(done.light, light.radiance, dt_s, world_from_camera=pose, looks_same=look.looks_same)
+        done.light = step(done.light, light.radiance, dt_s, world_from_camera=pose, looks_same=looks_same)
         done.light_time_s, self._shown, self._preview = frame.time_s, None, None
         steady = self._seen(frame.index)
         if self.exr:
@@ -235,7 +226,7 @@ class ClipRun:
         if self.virtual is not None and self._stage is None:
             done.ground = None if light.ground is None else light.ground.info()
             self._stage = _set_up(self._photo, self.virtual, done.ground)
-            done.stage_index, done.stage_last = frame.index, look.before
+            done.stage_index, done.stage_last = frame.index, before
             material = self._stage.material(self.virtual.material, steady * np.float32(done.gain))
             done.material = {key: np.asarray(value).tolist() for key, value in asdict(material).items()}
         return {**record, **describe(steady), "held": done.light.held}
