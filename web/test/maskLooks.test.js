@@ -21,7 +21,7 @@ function picture(left, seed) {
 
 test("a second click on what a camera still shows takes no look, nor one on another thing in it, and on another picture all", async () => {
   let looks = 0;
-  const models = { sessions: { u2netp: {} }, u2netp: async (input) => (looks++, input.subarray(0, input.length / 3).map((value) => (value > 0 ? 1 : 0))) };
+  const models = { sessions: { u2netp: {} }, cover: async (_, input) => (looks++, input.subarray(0, input.length / 3).map((value) => (value > 0 ? 1 : 0))) };
   const click = async (left, seed, x) => {
     looks = 0;
     const { mask } = await findMask(models, picture(left, seed), { on: [[x, 80]], off: [], box: null }, () => false);
@@ -33,7 +33,7 @@ test("a second click on what a camera still shows takes no look, nor one on anot
 });
 
 test("a click that marks nothing is said", async () => {
-  const models = { sessions: { u2netp: {} }, u2netp: async (input) => input.subarray(0, input.length / 3).map((value) => (value > 0 ? 1 : 0)) };
+  const models = { sessions: { u2netp: {} }, cover: async (_, input) => input.subarray(0, input.length / 3).map((value) => (value > 0 ? 1 : 0)) };
   const { warnings } = await findMask(models, picture(30, 1), { on: [[60, 80], [130, 20]], off: [], box: null }, () => false);
   assert.deepEqual(warnings.map(({ text }) => text.slice(0, 46)), ["the mask does not hold the click at 130,20; re"]);
 });

@@ -5,7 +5,7 @@ import { test } from "node:test";
 
 import { download } from "../src/files/download.js";
 import { AnyProbe } from "../src/anyprobe.js";
-import { checkSetup, requireBrowser, safariOf } from "../src/networks/setup.js";
+import { checkSetup } from "../src/networks/setup.js";
 import { sentError } from "../src/errors.js";
 import { openingFault, smallNetworkWarning } from "../src/networks/words.js";
 
@@ -82,16 +82,6 @@ test("a file that is not the one expected says why, though its hash is checked b
   }
 });
 
-const AGENTS = {
-  "Mozilla/5.0 (iPhone; CPU iPhone OS 16_4_1 like Mac OS X) AppleWebKit/605.1.15 (KHTML, like Gecko) Version/16.4 Mobile/15E148 Safari/604.1": [16, 4],
-  "Mozilla/5.0 (iPhone; CPU iPhone OS 16_4 like Mac OS X) AppleWebKit/605.1.15 (KHTML, like Gecko) CriOS/130.0.6723.90 Mobile/15E148 Safari/604.1": [16, 4],
-  "Mozilla/5.0 (iPad; CPU OS 17_0 like Mac OS X) AppleWebKit/605.1.15 (KHTML, like Gecko) Version/17.0 Mobile/15E148 Safari/604.1": [17, 0],
-  "Mozilla/5.0 (Macintosh; Intel Mac OS X 10_15_7) AppleWebKit/605.1.15 (KHTML, like Gecko) Version/16.4.1 Safari/605.1.15": [16, 4],
-  "Mozilla/5.0 (Macintosh; Intel Mac OS X 10_15_7) AppleWebKit/537.36 (KHTML, like Gecko) Chrome/130.0.0.0 Safari/537.36": null,
-  "Mozilla/5.0 (Linux; Android 14; SM-S928B) AppleWebKit/537.36 (KHTML, like Gecko) Version/4.0 Chrome/130.0.0.0 Mobile Safari/537.36": null,
-  "Mozilla/5.0 (X11; Linux x86_64; rv:130.0) Gecko/20100101 Firefox/130.0": null,
-};
-
 /** What a browser has that anyprobe needs, and its user agent; returned: what puts all back. */
 function asBrowser(userAgent) {
   const names = ["Worker", "OffscreenCanvas", "createImageBitmap", "navigator"];
@@ -101,19 +91,6 @@ function asBrowser(userAgent) {
   set("navigator", { userAgent, hardwareConcurrency: 4 });
   return () => names.forEach((name, i) => (before[i] ? Object.defineProperty(globalThis, name, before[i]) : delete globalThis[name]));
 }
-
-test("Safari and iOS below 16.5, whose SIMD is wrong, are refused", () => {
-  for (const [agent, version] of Object.entries(AGENTS)) {
-    assert.deepEqual(safariOf(agent), version, agent);
-    const restore = asBrowser(agent);
-    try {
-      if (version?.[0] === 16) assert.throws(requireBrowser, { code: "unsupported", message: /^expected Safari or iOS 16\.5 or newer, got 16\.4/ });
-      else requireBrowser();
-    } finally {
-      restore();
-    }
-  }
-});
 
 test("where threads cannot start, the networks are opened again on one", async () => {
   const restore = asBrowser("");

@@ -1,5 +1,5 @@
-"""Light hidden from points by shapes: as occupied cells, ray by ray or for all rays of one direction together; and, of single
-strong sources, by shadow maps, which are sharper.
+"""Light hidden from points by shapes: as occupied cells, ray by ray or for all rays of one direction together; and by
+shadow maps, which are sharper, for single strong sources.
 
 A shape is 64 x 64 words over x and z of its box, a bit for each of 64 cells along y. A ray passes columns, and in each
 the cells between the heights where it enters and leaves are one mask (Amanatides and Woo, "A Fast Voxel Traversal

@@ -2,7 +2,7 @@
 
 import { CONTRACT } from "../core/contract.js";
 import { turned } from "../core/frames.js";
-import { MAP_HEIGHT, directionToUv, pixelDirections, pixelSolidAngles } from "../core/latlong.js";
+import { MAP_HEIGHT, pixelDirections, pixelSolidAngles } from "../core/latlong.js";
 import { inverseResponse } from "../core/response.js";
 import { resize } from "../photo/resize.js";
 import { lookupOf } from "./lookup.js";
@@ -80,21 +80,12 @@ function mirroredBy({ crop, crop_frame: frame, object_normals: normals }, f0) {
 
 /** Values of three numbers splatted onto the four pixels around each direction: sums and counts. */
 function gathered(values, directions, height) {
-  const width = 2 * height;
-  const [sums, counts] = [new Float64Array(3 * width * height), new Float64Array(width * height)];
-  for (let at = 0; at < directions.length; at += 3) {
-    const [u, v] = directionToUv(directions[at], directions[at + 1], directions[at + 2]);
-    const column = (u * width - 0.5 + width) % width;
-    const row = Math.min(Math.max(v * height - 0.5, 0), height - 1.001);
-    const [left, top] = [Math.floor(column), Math.floor(row)];
-    for (let corner = 0; corner < 4; corner++) {
-      const [right, down] = [corner & 1, corner >> 1];
-      const share = (right ? column - left : 1 - column + left) * (down ? row - top : 1 - row + top);
-      const pixel = (top + down) * width + ((left + right) % width);
-      counts[pixel] += share;
-      for (let c = 0; c < 3; c++) sums[3 * pixel + c] += share * values[at + c];
-    }
-  }
+  const [sums, counts] = [new Float64Array(6 * height * height), new Float64Array(2 * height * height)];
+  const { pixels, shares } = lookupOf(height, directions);
+  pixels.forEach((pixel, i) => {
+    counts[pixel / 3] += shares[i];
+    for (let c = 0; c < 3; c++) sums[pixel + c] += shares[i] * values[3 * (i >> 2) + c];
+  });
   return { sums, counts };
 }
 

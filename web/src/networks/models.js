@@ -3,14 +3,9 @@
  * light, or one that finds masks.
  */
 
-import { CONTRACT } from "../core/contract.js";
 import { AnyProbeError } from "../errors.js";
 import { download } from "../files/download.js";
 import { INPUTS } from "./lightGraph.js";
-
-/** Sides of the squares that the mask networks see. */
-const MASK_SIZE = CONTRACT.mask.small.size;
-const U2NETP_SIZE = CONTRACT.mask.u2netp.size;
 
 export class Models {
   /**
@@ -55,19 +50,17 @@ export class Models {
     return Object.fromEntries(Object.entries(outputs).map(([name, { data }]) => [name, data]));
   }
 
-  /** The small mask network: [4, 160, 160] letterboxed display RGB and hints to [160, 160] in [0, 1]. @param {Float32Array} input */
-  mask(input) {
-    return this.#run("mask", input, [1, 4, MASK_SIZE, MASK_SIZE]);
-  }
-
-  /** U2-Net-p: [3, 320, 320] normalised as for ImageNet to [320, 320] in [0, 1]. @param {Float32Array} input */
-  u2netp(input) {
-    return this.#run("u2netp", input, [1, 3, U2NETP_SIZE, U2NETP_SIZE]);
-  }
-
-  async #run(stage, input, shape) {
+  /**
+   * Run a graph of masks: "mask", the small network, [4, 160, 160] letterboxed display RGB and hints to [160, 160] in [0, 1];
+   * or "u2netp", [3, 320, 320] normalised as for ImageNet to [320, 320].
+   *
+   * @param {"mask" | "u2netp"} stage
+   * @param {Float32Array} input
+   * @param {number} size of its sides
+   */
+  async cover(stage, input, size) {
     const session = this.sessions[stage];
-    const outputs = await session.run({ [session.inputNames[0]]: new this.ort.Tensor("float32", input, shape) });
+    const outputs = await session.run({ [session.inputNames[0]]: new this.ort.Tensor("float32", input, [1, input.length / size ** 2, size, size]) });
     return outputs[session.outputNames[0]].data;
   }
 }

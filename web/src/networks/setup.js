@@ -3,35 +3,12 @@
 import { AnyProbeError } from "../errors.js";
 import { wrong } from "../checks.js";
 
-/** Where each is missing, anyprobe cannot run; and since which browsers it is not. */
-const NEEDED = {
-  Worker: "any browser of today",
-  WebAssembly: "any browser of today",
-  OffscreenCanvas: "Chrome 69, Firefox 105, Safari 16.5",
-  createImageBitmap: "Chrome 50, Firefox 42, Safari 15",
-};
-
-/** Safari, and every browser of an iPhone or iPad, before this version computes WASM's SIMD wrongly, in 16.4, or has none. */
-const LEAST_SAFARI = [16, 5];
-
-/** Refuse a browser that lacks what is needed, or is known to compute wrong numbers. */
+/** Refuse what lacks what is needed: Node.js, and browsers of before 2023. */
 export function requireBrowser() {
-  for (const [name, since] of Object.entries(NEEDED)) {
-    if (typeof globalThis[name] !== "undefined") continue;
-    if (name === "Worker" && globalThis.process?.versions?.node) throw new AnyProbeError("unsupported", "expected a browser, got Node.js; load it in the page, or use the Python package there");
-    throw new AnyProbeError("unsupported", `this browser has no ${name}, which anyprobe needs; use a newer one (${since})`);
-  }
-  const [major, minor] = safariOf(globalThis.navigator?.userAgent ?? "") ?? LEAST_SAFARI;
-  if (major > LEAST_SAFARI[0] || (major === LEAST_SAFARI[0] && minor >= LEAST_SAFARI[1])) return;
-  throw new AnyProbeError("unsupported", `expected Safari or iOS ${LEAST_SAFARI.join(".")} or newer, got ${major}.${minor}, whose WASM gives wrong numbers; update the system`);
-}
-
-/** Version of WebKit's system in a user agent: of iOS whatever the browser, of Safari elsewhere; null of other browsers. */
-export function safariOf(agent) {
-  const ios = /\b(?:iPhone|CPU) OS (\d+)[_.](\d+)/.exec(agent);
-  const safari = /\bVersion\/(\d+)\.(\d+)\S* .*Safari\//.exec(agent);
-  const found = ios ?? (/Chrome|Chromium|Android/.test(agent) ? null : safari);
-  return found && [Number(found[1]), Number(found[2])];
+  const missing = ["Worker", "WebAssembly", "OffscreenCanvas", "createImageBitmap"].find((name) => typeof globalThis[name] === "undefined");
+  if (!missing) return;
+  if (missing === "Worker" && globalThis.process?.versions?.node) throw new AnyProbeError("unsupported", "expected a browser, got Node.js; load it in the page, or use the Python package there");
+  throw new AnyProbeError("unsupported", `this browser has no ${missing}, which anyprobe needs; use a newer one`);
 }
 
 /**

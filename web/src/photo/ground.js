@@ -37,20 +37,15 @@ export function contactOf(mask, width, [x0, y0, x1, y1]) {
 }
 
 /**
- * Assumed pitch of a camera [degrees]: the usual one, or enough to see the ground at a row
+ * A pitch that was found, by default the usual one [degrees], or as much more as it takes to see the ground at a row
  * `least_slope_deg` below the horizon.
  *
  * @param {number} row of the real object's base
  * @param {number} height of the picture
  * @param {number} focal pixels
  */
-export function likelyPitchDeg(row, height, focal) {
-  return seenPitchDeg(GROUND.usual_pitch_deg, row, height, focal);
-}
-
-/** A pitch that was found, or as much more as it takes to see the ground at a row `least_slope_deg` below the horizon. */
-export function seenPitchDeg(pitchDeg, row, height, focal) {
-  return Math.max(pitchDeg, GROUND.least_slope_deg - Math.atan2(row - height / 2, focal) / RADIANS);
+export function likelyPitchDeg(row, height, focal, foundDeg = GROUND.usual_pitch_deg) {
+  return Math.max(foundDeg, GROUND.least_slope_deg - Math.atan2(row - height / 2, focal) / RADIANS);
 }
 
 /** Up [3] in the frame of a camera of this pitch and roll. */

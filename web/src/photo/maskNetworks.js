@@ -35,7 +35,7 @@ export class U2NetP {
     for (let c = 0; c < 3; c++) {
       for (let i = 0; i < plane; i++) input[c * plane + i] = (small[4 * i + c] / most - mean[c]) / spread[c];
     }
-    return { values: await this.models.u2netp(input), width: size, height: size };
+    return { values: await this.models.cover("u2netp", input, size), width: size, height: size };
   }
 }
 
@@ -69,7 +69,7 @@ export class SmallNetwork {
     }
     const corners = box && [...place(box.slice(0, 2)), ...place(box.slice(2))];
     input.set(drawPrompts(on.map(place), off.map(place), corners), 3 * plane);
-    const answer = await this.models.mask(input);
+    const answer = await this.models.cover("mask", input, size);
     const values = new Float32Array(w * h);
     for (let y = 0; y < h; y++) values.set(answer.subarray((top + y) * size + left, (top + y) * size + left + w), y * w);
     return { values, width: w, height: h };

@@ -4,7 +4,7 @@ import { Box3, Group, Mesh, PerspectiveCamera, Plane, PlaneGeometry, Quaternion,
 import { AnyProbeError } from "../errors.js";
 import { checkNames, wrong } from "../checks.js";
 import { groundShadowOpacity } from "../light/groundShadow.js";
-import { contactOf, likelyPitchDeg, seenPitchDeg, upOf } from "../photo/ground.js";
+import { contactOf, likelyPitchDeg, upOf } from "../photo/ground.js";
 import { objectBox } from "../photo/picture.js";
 import { ContactShadow } from "./contactShadow.js";
 
@@ -59,8 +59,7 @@ export class PhotoGround extends Group {
     const contact = contactOf(data, width, box);
     this.#view = { width, height, focal };
     this.#light = light;
-    const found = options.pitchDeg ?? light.ground?.pitchDeg;
-    this.pitchDeg = found === undefined ? likelyPitchDeg(contact[1], height, focal) : seenPitchDeg(found, contact[1], height, focal);
+    this.pitchDeg = likelyPitchDeg(contact[1], height, focal, options.pitchDeg ?? light.ground?.pitchDeg);
     this.#up = new Vector3(...upOf(this.pitchDeg));
     /** Of the real object's base along -Z, as MaskOccluder takes it with `focalPx`. */
     this.distance = focal / (box[3] - box[1]);
