@@ -61,10 +61,8 @@ def match(
     from anyprobe.pictures.images import write_png
 
     if folder is None:
-        raise InputError(
-            "expected a folder of .hdr or .exr panoramas after the photo, got none; put some of your own or of a site "
-            "such as polyhaven.com into one"
-        )
+        text = "expected a folder of .hdr or .exr panoramas after the photo, got none; polyhaven.com has some"
+        raise InputError(text)
     targets = [] if apply is None else target_names(apply, "apply")
     console = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)
     with console.status("reading the panoramas"):
@@ -150,10 +148,7 @@ def fit_doubts(estimate: np.ndarray, radiance: np.ndarray) -> list[Notice]:
     apart = shading_apart(radiance, estimate)
     if apart <= OWN_ERROR:
         return []
-    text = (
-        f"no panorama fits: the first one shades a matte sphere {apart:.1f} stops off the estimate, more than the "
-        "estimate's own error; use the estimate itself, or other panoramas"
-    )
+    text = f"no panorama fits: the first shades a matte sphere {apart:.1f} stops off the estimate; try other ones"
     return [Notice(text, code="match-fit")]
 
 

@@ -84,11 +84,8 @@ def check_box(box: Sequence[float], width: int, height: int) -> tuple[float, flo
             subject="box",
         )
     if max(x1 - x0, y1 - y0) < MIN_OBJECT_PX:
-        raise InvalidMask(
-            f"expected an object at least {MIN_OBJECT_PX} pixels across, got the box {shown}; "
-            "draw it around the whole object, or use a larger photo",
-            subject="box",
-        )
+        text = f"expected an object at least {MIN_OBJECT_PX} pixels across, got the box {shown}; draw it larger"
+        raise InvalidMask(text, subject="box")
     if (x1 - x0) * (y1 - y0) >= width * height:
         raise InvalidMask(
             f"expected some background around the box, got the whole photo {shown}; draw it closer", subject="box"

@@ -66,12 +66,8 @@ def mask_from_file(source: MaskPicture, shape: tuple[int, int]) -> np.ndarray:
         raise InvalidMask(error, subject="mask") from error
     found = brightness.shape
     if found != tuple(shape):
-        raise InvalidMask(
-            f"expected a mask of the photo's size {shape[1]} x {shape[0]}, "
-            f"got {found[1]} x {found[0]}; draw it on the upright photo",
-            subject="mask",
-            source=name,
-        )
+        text = f"expected the photo's size {shape[1]} x {shape[0]}, got {found[1]} x {found[0]}; draw it upright"
+        raise InvalidMask(text, subject="mask", source=name)
     cut_out = mask_from_alpha(alpha)
     return check_mask(brightness) if cut_out is None else cut_out
 
@@ -127,18 +123,12 @@ def mask_from_function(segment: MaskFunction, rgb: np.ndarray) -> np.ndarray:
     """
     answer = segment(to_bytes(rgb))
     if not isinstance(answer, np.ndarray):
-        raise InvalidMask(
-            f"expected a function that returns an array [height, width], got {type(answer).__name__}; "
-            "convert it with numpy.asarray",
-            subject="mask",
-        )
+        text = f"expected a function that returns an array [height, width], got {type(answer).__name__}; convert it"
+        raise InvalidMask(text, subject="mask")
     answer = answer.squeeze()
     if answer.ndim != 2:
-        raise InvalidMask(
-            f"expected a function that returns an array [height, width], got shape {answer.shape}; "
-            "return one object's mask",
-            subject="mask",
-        )
+        text = f"expected a function that returns an array [height, width], got shape {answer.shape}; return one mask"
+        raise InvalidMask(text, subject="mask")
     return mask_from_file(answer, rgb.shape[:2])
 
 
