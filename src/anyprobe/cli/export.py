@@ -83,9 +83,8 @@ def folders(lights: Sequence[Path], out: Path) -> list[tuple[Path, Path]]:
             raise InputError("no such file; check the path", source=light)
         previous = by_stem.setdefault(light.stem, light)
         if previous != light:
-            raise InputError(
-                f"expected distinct file names, got {previous} before it; export them separately", source=light
-            )
+            text = f"expected distinct file names, got {previous} before it; export them separately"
+            raise InputError(text, source=light)
     return [(light, out if len(unique) == 1 else out / light.stem) for light in unique]
 
 

@@ -43,9 +43,8 @@ def photo_source(path: Path) -> Path | bytes:
     if path != STDIN:
         return path
     if sys.stdin is None:  # closed, as a service's may be
-        raise InvalidPhoto(
-            "expected a photo, got a closed standard input; give a file, or pipe a photo in", source="stdin"
-        )
+        text = "expected a photo, got a closed standard input; give a file, or pipe a photo in"
+        raise InvalidPhoto(text, source="stdin")
     return read_stream(sys.stdin.buffer, "stdin", InvalidPhoto)
 
 

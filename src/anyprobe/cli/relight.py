@@ -140,9 +140,8 @@ def relight(
     out = out or Path("relit") / f"{result_stem(photo, [photo])}_relit.png"
     kind = out.suffix.lower()
     if kind not in _SUFFIXES:
-        raise OutputError(
-            f"expected a name that ends in {', '.join(_SUFFIXES)}, got {kind or 'no suffix'}; change it", source=out
-        )
+        text = f"expected a name that ends in {', '.join(_SUFFIXES)}, got {kind or 'no suffix'}; change it"
+        raise OutputError(text, source=out)
     if kind != ".exr":
         options.refuse_unused("without an .exr", "colorspace")
     inputs = (photo, light, *hints.files().values())

@@ -156,9 +156,8 @@ def _open_port(host: str, port: int) -> socket.socket:
         listening.setsockopt(socket.SOL_SOCKET, exclusive, 1)
         listening.bind(address)
     except OSError as error:
-        raise InputError(
-            f"{host}:{port}: cannot listen there ({error.strerror or error}); choose another --host or --port"
-        ) from error
+        text = f"{host}:{port}: cannot listen there ({error.strerror or error}); choose another --host or --port"
+        raise InputError(text) from error
     return listening
 
 

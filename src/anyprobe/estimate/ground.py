@@ -167,15 +167,13 @@ def estimate_ground(photo: Framed, *, pitch_deg: float | None = None, roll_deg: 
     x, row = contact_of(photo.mask)
     pitch_deg = photo.pitch_deg if pitch_deg is None else pitch_deg
     if roll_deg is not None and not -60 <= roll_deg <= 60:
-        raise InputError(
-            f"expected -60 to 60 degrees, got {roll_deg:g}; turn the photo upright first", subject="roll_deg"
-        )
+        text = f"expected -60 to 60 degrees, got {roll_deg:g}; turn the photo upright first"
+        raise InputError(text, subject="roll_deg")
     roll = USUAL_ROLL_DEG if roll_deg is None else float(roll_deg)
     if pitch_deg is not None:
         if not -90 <= pitch_deg <= 90:
-            raise InputError(
-                f"expected -90 to 90 degrees downwards, got {pitch_deg:g}; give another", subject="pitch_deg"
-            )
+            text = f"expected -90 to 90 degrees downwards, got {pitch_deg:g}; give another"
+            raise InputError(text, subject="pitch_deg")
         return Ground(
             pitch_deg=float(pitch_deg), pitch_error_deg=GIVEN_ERROR_DEG, roll_deg=roll, contact=(x, row), source=GIVEN
         )

@@ -132,14 +132,12 @@ def read_normals(source: NormalsSource, shape: tuple[int, int]) -> Float[np.ndar
     length = np.linalg.norm(values, axis=-1, keepdims=True)
     known = length > SHORTEST
     if not known.any():
-        raise InputError(
-            "expected unit normals where the object is, found none; a picture holds (n + 1) / 2", source=name
-        )
+        text = "expected unit normals where the object is, found none; a picture holds (n + 1) / 2"
+        raise InputError(text, source=name)
     is_unit = (np.abs(length[known] - 1.0) < NEAR_UNIT).mean() >= UNIT_SHARE
     if not (is_unit or from_picture) and (values >= 0.0).all():
-        raise InputError(
-            "expected unit vectors in floats, got values of a picture, (n + 1) / 2; pass 2 * values - 1", source=name
-        )
+        text = "expected unit vectors in floats, got values of a picture, (n + 1) / 2; pass 2 * values - 1"
+        raise InputError(text, source=name)
     if from_picture and not is_unit:
         text = "expected a picture of (n + 1) / 2, got vectors far from unit length, as a photo's; or pass sphere"
         raise InputError(text, source=name)
@@ -155,9 +153,8 @@ def _read(source: NormalsSource) -> tuple[np.ndarray, str, bool]:
         return _decoded(source, "normals")
     if isinstance(source, bytes):
         if source.startswith(EXR_MAGIC):
-            raise InputError(
-                "expected a PNG picture of (n + 1) / 2, got an .exr; send it as 16-bit PNG", subject="normals"
-            )
+            text = "expected a PNG picture of (n + 1) / 2, got an .exr; send it as 16-bit PNG"
+            raise InputError(text, subject="normals")
         return _decoded(source, "normals")
     path = Path(source)
     with open_regular(path, InputError, "a normal map") as stream:

@@ -125,9 +125,8 @@ def parse_poses(data: bytes, file: str) -> Poses:
     try:
         content = json.loads(data)  # UTF-8, with a byte order mark or without, or another Unicode
     except (ValueError, RecursionError) as error:
-        raise InputError(
-            "cannot be read as a transforms.json of camera poses; see docs/how-to/inputs.md", source=file
-        ) from error
+        text = "cannot be read as a transforms.json of camera poses; see docs/how-to/inputs.md"
+        raise InputError(text, source=file) from error
     frames = content.get("frames") if isinstance(content, dict) else None
     if not isinstance(frames, list) or not frames or not all(isinstance(one, dict) for one in frames):
         raise InputError('expected "frames", one a photo, got none; see docs/how-to/inputs.md', source=file)

@@ -73,9 +73,8 @@ def _check(spec: ImageSpec, name: str, fault: type[InputError], max_pixels: int)
         text = f"expected at most {max_pixels / 1e6:.0f} Mpx in all layers, got {decoded / 1e6:.0f}; shrink it"
         raise fault(text, source=name)
     if max(width, height) > MOST_SIDE_PX:
-        raise fault(
-            f"expected sides of at most {MOST_SIDE_PX} pixels, got {width} x {height}; shrink it first", source=name
-        )
+        text = f"expected sides of at most {MOST_SIDE_PX} pixels, got {width} x {height}; shrink it first"
+        raise fault(text, source=name)
 
 
 def _size(spec: ImageSpec) -> tuple[int, int]:

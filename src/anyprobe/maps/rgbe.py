@@ -83,9 +83,8 @@ def read_header(data: bytes, name: str, max_pixels: int) -> HdrHeader:
             try:
                 primaries = tuple(float(number) for number in value.split())
             except ValueError as error:
-                raise InvalidEnvironment(
-                    f"expected PRIMARIES to be eight numbers, got {_shown(value)}; repair the header", source=name
-                ) from error
+                text = f"expected PRIMARIES to be eight numbers, got {_shown(value)}; repair the header"
+                raise InvalidEnvironment(text, source=name) from error
     if form not in _FORMATS:
         raise InvalidEnvironment(f"expected FORMAT=32-bit_rle_rgbe, got {_shown(form)}; save it as RGBE", source=name)
     if primaries == UNSTATED or form != _FORMATS[0]:
@@ -95,9 +94,8 @@ def read_header(data: bytes, name: str, max_pixels: int) -> HdrHeader:
     line, _, _ = data[blank.end() : HDR_HEADER_BYTES].partition(b"\n")
     size = RESOLUTION.fullmatch(line.strip())
     if size is None or size[1][1:] == size[3][1:]:
-        raise InvalidEnvironment(
-            f"expected the size as -Y H +X W, got {_shown(line[:40])!r}; save it again", source=name
-        )
+        text = f"expected the size as -Y H +X W, got {_shown(line[:40])!r}; save it again"
+        raise InvalidEnvironment(text, source=name)
     height, width = int(size[2]), int(size[4])
     if not 0 < height * width <= max_pixels:
         text = f"expected at most {max_pixels / 1e6:.0f} million pixels, got {width} x {height}; shrink it first"

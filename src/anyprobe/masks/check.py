@@ -27,9 +27,8 @@ def check_mask(mask: np.ndarray, found_in: str = "") -> np.ndarray:
     if np.isnan(mask).any():
         raise InvalidMask("expected values from 0 to 1, got NaN; replace it by 0", subject="mask")
     if not (mask.min() >= 0.0 and mask.max() <= 1.0):
-        raise InvalidMask(
-            f"expected values from 0 to 1, got {mask.min():g} to {mask.max():g}; scale them", subject="mask"
-        )
+        text = f"expected values from 0 to 1, got {mask.min():g} to {mask.max():g}; scale them"
+        raise InvalidMask(text, subject="mask")
     if not (mask > 0.5).any():
         text = f"expected white on the object, got an empty mask (at most {mask.max():.2f}); labels of 1 become 255"
         if mask.max() > FAINT:

@@ -120,9 +120,8 @@ def _read_picture(stream: BinaryIO, name: str) -> np.ndarray:
         values = np.asarray(image.convert("RGB") if image.mode == "P" else image)
         if image.mode == "P":
             if np.ptp(values, axis=-1).any():
-                raise InvalidMask(
-                    "expected depth, got a coloured picture of it; save the depth itself", subject="depth", source=name
-                )
+                text = "expected depth, got a coloured picture of it; save the depth itself"
+                raise InvalidMask(text, subject="depth", source=name)
             return values[..., 0]
         return values
 
@@ -135,9 +134,8 @@ def _read_exr(stream: BinaryIO, name: str) -> np.ndarray:
         chosen = next((channels[one] for one in EXR_CHANNELS if one in channels), None)
         if chosen is not None:
             return in_display(read_channel(image, chosen), image.spec())
-    raise InvalidMask(
-        f"expected a channel Z, V, Y or R, got {', '.join(sorted(found)) or 'none'}", subject="depth", source=name
-    )
+    text = f"expected a channel Z, V, Y or R, got {', '.join(sorted(found)) or 'none'}"
+    raise InvalidMask(text, subject="depth", source=name)
 
 
 def _is_of_color(key: str, image: ImageInput) -> bool:

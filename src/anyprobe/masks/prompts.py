@@ -87,7 +87,6 @@ def check_box(box: Sequence[float], width: int, height: int) -> tuple[float, flo
         text = f"expected an object at least {MIN_OBJECT_PX} pixels across, got the box {shown}; draw it larger"
         raise InvalidMask(text, subject="box")
     if (x1 - x0) * (y1 - y0) >= width * height:
-        raise InvalidMask(
-            f"expected some background around the box, got the whole photo {shown}; draw it closer", subject="box"
-        )
+        text = f"expected some background around the box, got the whole photo {shown}; draw it closer"
+        raise InvalidMask(text, subject="box")
     return x0, y0, x1, y1

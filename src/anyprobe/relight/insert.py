@@ -225,9 +225,8 @@ class Stage:
             mesh, photo, self.view, pitch_deg, arrangement.size, arrangement.at, arrangement.turn_deg
         )
         if self.placement.mesh.positions[:, 2].max() >= 0:
-            raise InputError(
-                "the object reaches behind the camera; make it smaller or place it farther away", subject="size"
-            )
+            text = "the object reaches behind the camera; make it smaller or place it farther away"
+            raise InputError(text, subject="size")
         window = window_of(self.placement, self.view)
         if window is None:
             raise InputError("the photo shows nothing of the object there; choose another place", subject="at")

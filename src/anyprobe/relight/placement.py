@@ -102,9 +102,8 @@ def place_beside(
     if at is not None:
         foot = view.on_ground(*at)
         if not np.isfinite(foot).all():
-            raise InputError(
-                f"{at[0]:g},{at[1]:g} is above the horizon; point lower, or pitch the camera down", subject="at"
-            )
+            text = f"{at[0]:g},{at[1]:g} is above the horizon; point lower, or pitch the camera down"
+            raise InputError(text, subject="at")
         return _standing(unit, upright, foot, height, pitch_deg)
     spots = Spots(photo, view, _outermost(unit.positions @ upright.T * height), size)
     best = int(np.argmax(np.where(spots.certain < LEAST, 0.0, spots.certain * spots.share)))
@@ -209,9 +208,8 @@ def check_height(mesh: Mesh) -> None:
     """Raise InvalidMesh if a mesh lies flat: sizes are relative to its height."""
     width, height, depth = np.ptp(mesh.positions, axis=0)
     if height < LEAST_HEIGHT * max(width, depth):
-        raise InvalidMesh(
-            "expected a mesh with a height, got one that lies flat; turn it so that +Y is up", subject="mesh"
-        )
+        text = "expected a mesh with a height, got one that lies flat; turn it so that +Y is up"
+        raise InvalidMesh(text, subject="mesh")
 
 
 def _unit_high(mesh: Mesh) -> Mesh:

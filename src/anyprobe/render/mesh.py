@@ -51,9 +51,8 @@ def make_mesh(positions: np.ndarray, faces: np.ndarray, name: str = "mesh", crea
         raise InvalidMesh(f"expected faces with an area, got {len(faces):,} without; export it again", source=name)
     shared = np.bincount(faces.reshape(-1)).astype(np.float64)
     if (shared**2).sum() > MAX_PAIRS:
-        raise InvalidMesh(
-            f"expected at most some thousand faces at a vertex, got {shared.max():,.0f}; remesh it first", source=name
-        )
+        text = f"expected at most some thousand faces at a vertex, got {shared.max():,.0f}; remesh it first"
+        raise InvalidMesh(text, source=name)
     normals = corner_normals(positions, faces, crease_deg)
     return Mesh(positions=positions.astype(np.float32), faces=faces, normals=normals.astype(np.float32))
 

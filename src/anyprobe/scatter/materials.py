@@ -156,16 +156,14 @@ def as_material(
     try:
         values = np.asarray(albedo, np.float64).reshape(-1)
     except (TypeError, ValueError) as error:
-        raise InputError(
-            f"expected one number or three, got {' '.join(repr(albedo).split())}", subject="albedo"
-        ) from error
+        text = f"expected one number or three, got {' '.join(repr(albedo).split())}"
+        raise InputError(text, subject="albedo") from error
     if values.size not in (1, 3) or not ((values > 0) & (values <= 1)).all():
         text = f"expected one number or three above 0 and up to 1, got {', '.join(f'{v:g}' for v in values)}"
         raise InputError(text, subject="albedo")
     if not np.any(found.albedo):
-        raise InputError(
-            f"expected a material that has one, got the metal {material}; leave one of them out", subject="albedo"
-        )
+        text = f"expected a material that has one, got the metal {material}; leave one of them out"
+        raise InputError(text, subject="albedo")
     return replace(found, albedo=np.broadcast_to(values, 3).copy())
 
 

@@ -147,6 +147,5 @@ def _check_pixels(files: list[tuple[str, bytes]], max_pixels: int, panorama: obj
     for name, picture in files:
         limit = min(max_pixels, MAX_PANORAMA_PIXELS) if picture is panorama else max_pixels
         if declared_pixels(picture) > limit:
-            raise TooManyPixels(
-                f"expected at most {limit / 1e6:g} million pixels, got more; shrink it first", source=name
-            )
+            text = f"expected at most {limit / 1e6:g} million pixels, got more; shrink it first"
+            raise TooManyPixels(text, source=name)
