@@ -7,10 +7,8 @@ import { encodeHdr } from "../src/files/hdr.js";
 import { brightestSide } from "../src/light/light.js";
 import { askServer } from "./server.js";
 
-const FRAME =
-  "right-handed, +X right, +Y up, the camera looks along -Z; u = 0.5 + atan2(x, -z) / 2 pi, row 0 is +Y";
-const SCALE =
-  "linear Rec. 709 radiance in the photo's exposure units: 1 is what the camera's curve maps to white";
+const FRAME = "right-handed, +X right, +Y up, the camera looks along -Z; u = 0.5 + atan2(x, -z) / 2 pi, row 0 is +Y";
+const SCALE = "linear Rec. 709 radiance in the photo's exposure units: 1 is what the camera's curve maps to white";
 
 /** Version of the keys; files without one are of an older release. */
 const VERSION = 4;
@@ -58,8 +56,7 @@ function asPython(value) {
 export const OWN_FILES = {
   exr: async ({ light }) => new Blob([await encodeExr(light.radiance, MAP_HEIGHT)], { type: "image/x-exr" }),
   hdr: ({ light }) => new Blob([encodeHdr(light.radiance, MAP_HEIGHT)], { type: "image/vnd.radiance" }),
-  json: (result, about) =>
-    new Blob([`${JSON.stringify(sidecar(result, about), null, 1)}\n`], { type: "application/json" }),
+  json: (result, about) => new Blob([`${JSON.stringify(sidecar(result, about), null, 1)}\n`], { type: "application/json" }),
 };
 
 /** An export of the server's, level where the camera's pitch is known: a zip of one target's files. */

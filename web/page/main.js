@@ -127,25 +127,14 @@ const networks = new ProbeOpener(config, showDownload, stage.stage.isSoftware ? 
 const tools = new ObjectTools(stage);
 const light = new LightPanel(config);
 const marking = new Marking(
-  {
-    canvas: element("mask"),
-    cursor: element("cross"),
-    removing: element("removing"),
-    band: element("band"),
-    button: element("draw-box"),
-  },
+  { canvas: element("mask"), cursor: element("cross"), removing: element("removing"), band: element("band"), button: element("draw-box") },
   stage,
   (hints) => machine.send("marked", { hints }),
 );
 const surroundings = element("surroundings");
 const options = () => ({ surroundings: surroundings.value, pitchDeg: (isLive() ? live : shown).pitchDeg });
 const live = new LiveSession({
-  networks,
-  config,
-  stage,
-  light,
-  marking,
-  options,
+  networks, config, stage, light, marking, options,
   onShown: () => machine.send("filmed"),
   onMask: showQuality,
   onFault: (error) => (isLive() ? machine.send("failed", { error }) : setStatus(errorLine(error), "fault")),

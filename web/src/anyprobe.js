@@ -1,4 +1,4 @@
-/** Estimate the light around an object of one material, in pictures and videos. */
+/** Estimate the light around an object of one material, in pictures and videos; types/ says what each method takes and gives. */
 
 import { AnyProbeError, sentError } from "./errors.js";
 import { described, give } from "./notices.js";
@@ -30,13 +30,7 @@ export class AnyProbe {
     Object.assign(this, opened);
   }
 
-  /**
-   * Open the network of the light in a thread of its own; those of masks get another one when they are first wanted.
-   *
-   * @param {import("../types/index.d.ts").LoadOptions} [options]
-   * @param {object} [files] an entry's own weights, runtime and worker
-   * @returns {Promise<AnyProbe>}
-   */
+  /** Open the network of the light in a thread of its own; those of masks get another one when they are first wanted. */
   static async load(options = {}, files = {}) {
     checkNames("load", options);
     requireBrowser();
@@ -67,23 +61,13 @@ export class AnyProbe {
     }
   }
 
-  /**
-   * The better mask network, U2-Net-p: for load({ weights: { u2netp: await AnyProbe.fetchMaskNetwork(address) } }).
-   *
-   * @param {string | URL} address of u2netp.onnx; it is fetched once, and kept in the browser's cache
-   * @param {{onProgress?: (progress: object) => void}} [options]
-   * @returns {Promise<Uint8Array>}
-   */
+  /** The better mask network, U2-Net-p: for load({ weights: { u2netp: await AnyProbe.fetchMaskNetwork(address) } }). */
   static async fetchMaskNetwork(address, options = {}) {
     checkNames("fetchMaskNetwork", options);
     return fetchMaskNetwork(address, options);
   }
 
-  /**
-   * Find the object: numbers in [0, 1] of the picture's size, or of 1600 pixels along its longer side.
-   *
-   * @returns {Promise<import("../types/index.d.ts").FoundMask>} quality: the IoU to expect; warnings: a line where that is below 0.7
-   */
+  /** Find the object: numbers in [0, 1] of the picture's size, or of 1600 pixels along its longer side. */
   async mask(image, options = {}) {
     checkNames("mask", options);
     this.#client.check();
@@ -93,13 +77,7 @@ export class AnyProbe {
     return { ...found, data: mask, ...described(told), width: picture.width, height: picture.height };
   }
 
-  /**
-   * Estimate the light around the object of one picture, in the frame of its camera.
-   *
-   * @param {import("../types/index.d.ts").ImageSource} image
-   * @param {import("../types/index.d.ts").EstimateOptions} [options]
-   * @returns {Promise<Light>}
-   */
+  /** Estimate the light around the object of one picture, in the frame of its camera. */
   async estimate(image, options = {}) {
     checkNames("estimate", options);
     const { surroundings, pitchDeg, signal } = options;
@@ -124,16 +102,7 @@ export class AnyProbe {
     return { light: new Light(light), seconds };
   }
 
-  /**
-   * Estimate the light of every frame, steady on a still scene, following the object. A new source stops the tracker of the
-   * last one.
-   *
-   * @param {import("../types/index.d.ts").TrackSource} source null: frames are offered to
-   *   the tracker, each with its camera's pose
-   * @param {(light: Light, answer: object) => void} onLight
-   * @param {import("../types/index.d.ts").TrackOptions} [options]
-   * @returns {Tracker}
-   */
+  /** Estimate the light of every frame, steady on a still scene, following the object. A new source stops the tracker of the last one. */
   track(source, onLight, options = {}) {
     checkNames("track", options);
     if (typeof onLight !== "function") throw wrong("onLight", "a function", onLight);

@@ -19,7 +19,7 @@ export declare class ProbeLight extends Group<ProbeLightEventMap> {
   environment: Texture;
   /** The last light. */
   estimate: Light | null;
-  /** camera: that took the picture, where it is not the scene's origin. */
+  /** camera: that took the picture, where it is not the scene's origin; its matrixWorld must be up to date. */
   update(light: Light, camera?: Object3D | null): void;
   /** camera: whose pose is asked for whenever a frame is taken, so that the light stays still in the world. */
   track(source: TrackSource, options?: TrackOptions & { camera?: Object3D | null }): Tracker;

@@ -1,6 +1,4 @@
-/**
- * Live light of the camera: its picture, the virtual object over it, and the rates.
- */
+/** Live light of the camera: its picture, the virtual object over it, and the rates. */
 
 import { DEFAULT_LONG_FOV_DEG } from "../../src/photo/lens.js";
 import { element, setStatus, sendLight } from "../view/elements.js";

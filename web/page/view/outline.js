@@ -8,10 +8,7 @@ const MOST_POINTS = 4000;
 /** Pixel far outside, for what reaches behind the camera. */
 const FAR_PX = 1e4;
 
-/**
- * @param {import("three").Group} group
- * @returns {Float32Array} x, y, z of points in the group's own frame
- */
+/** @param {import("three").Group} group @returns {Float32Array} x, y, z of points in the group's own frame */
 export function outlineOf(group) {
   group.updateMatrixWorld(true); // what is bound to bones follows this alone
   const inverse = group.matrixWorld.clone().invert();
@@ -31,7 +28,6 @@ export function outlineOf(group) {
  * @param {Float32Array} outline of outlineOf
  * @param {Matrix4} clipFromGroup
  * @param {number} width of the picture
- * @param {number} height
  * @returns {number[]} x0, y0, x1, y1 in pixels
  */
 export function extentOf(outline, clipFromGroup, width, height) {

@@ -66,7 +66,6 @@ export class Stage {
    * Set the photo's camera and where the real object stands.
    *
    * @param {number} width of the photo in pixels
-   * @param {number} height
    * @param {number | null} lensDeg field of view of the longer side; null where it is unknown
    * @param {Float32Array} mask of the real object, width * height, or of a smaller picture's shape
    * @param {number[]} box of the real object, x0, y0, x1, y1 in pixels

@@ -31,10 +31,7 @@ export function pixelDirections(height) {
     const made = new Float32Array(height * 2 * height * 3);
     for (let row = 0; row < height; row++) {
       for (let column = 0; column < 2 * height; column++) {
-        made.set(
-          uvToDirection((column + 0.5) / (2 * height), (row + 0.5) / height),
-          3 * (row * 2 * height + column),
-        );
+        made.set(uvToDirection((column + 0.5) / (2 * height), (row + 0.5) / height), 3 * (row * 2 * height + column));
       }
     }
     directions.set(height, made);

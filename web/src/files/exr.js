@@ -4,11 +4,7 @@ import { DataTexture, FloatType, RGBAFormat } from "three";
 import { EXRExporter, ZIP_COMPRESSION } from "three/addons/exporters/EXRExporter.js";
 import { checkMap } from "./hdr.js";
 
-/**
- * @param {Float32Array} radiance [height, 2 height, 3], row 0 up
- * @param {number} height
- * @returns {Promise<Uint8Array<ArrayBuffer>>} a file of 32-bit floats
- */
+/** @param {Float32Array} radiance [height, 2 height, 3], row 0 up @returns {Promise<Uint8Array<ArrayBuffer>>} a file of 32-bit floats */
 export async function encodeExr(radiance, height) {
   checkMap(radiance, height);
   const width = 2 * height;

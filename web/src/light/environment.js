@@ -9,7 +9,6 @@ let lastTurn = { height: 0, rotation: [], lookup: null };
  * The map seen after the world is turned: new(d) = old(rotation^T d).
  *
  * @param {Float32Array} radiance H * 2H * 3
- * @param {number} height
  * @param {number[]} rotation nine numbers, row by row
  * @returns {Float32Array}
  */

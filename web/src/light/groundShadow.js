@@ -24,12 +24,7 @@ export function checkIsLight(light) {
   throw new AnyProbeError("invalid-option", `expected one of probe.estimate, got ${light === null ? "null" : typeof light}`, { subject: ["light"] });
 }
 
-/**
- * Opacity of black where the dominant light is hidden, by its share of the ground's light.
- *
- * @param {import("./light.js").Light} light
- * @param {number[]} up the ground's normal, in the light's frame
- */
+/** Opacity of black where the dominant light is hidden, by its share of the ground's light. */
 export function groundShadowOpacity(light, up) {
   checkIsLight(light);
   const { dominant, sh9 } = light;

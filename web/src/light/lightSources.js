@@ -38,7 +38,6 @@ export const NO_SOURCE = source([0, 1, 0], 0, [0, 0, 0], 0, ERROR.most_deg);
  * The dominant light of a map, and the other sources that are likely there; none of a black or even map.
  *
  * @param {Float32Array} radiance H * 2H * 3
- * @param {number} height
  * @param {Float32Array | null} [said] of the network, `sources`
  * @returns {LightSource[]}
  */
@@ -223,7 +222,6 @@ export function edgeCosine({ radiusDeg }) {
  * Discs, brightest in the middle, that spread as much as their sources and are of their power on any map; added to one.
  *
  * @param {Float32Array} map H * 2H * 3
- * @param {number} height
  * @param {{direction: number[], power: number[], radiusDeg: number}[]} sources
  */
 export function drawSources(map, height, sources) {

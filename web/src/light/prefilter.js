@@ -40,9 +40,8 @@ const FACES = [
 export function prefilter(radiance) {
   const small = halve(radiance, MAP_HEIGHT);
   const mirror = sample(radiance, MAP_HEIGHT, FACE_SIZES[0]);
-  const rough = [2, 3].map((level) =>
-    sample(blurGgx(small, MAP_HEIGHT / 2, 3, roughnessOf(level, FACE_SIZES) ** 2), MAP_HEIGHT / 2, FACE_SIZES[level]),
-  );
+  const blurred = (level) => blurGgx(small, MAP_HEIGHT / 2, 3, roughnessOf(level, FACE_SIZES) ** 2);
+  const rough = [2, 3].map((level) => sample(blurred(level), MAP_HEIGHT / 2, FACE_SIZES[level]));
   return [mirror, meanOfFours(mirror, FACE_SIZES[0]), ...rough];
 }
 

@@ -21,10 +21,8 @@ const [REST_FRAMES, REST_S] = [2, 0.25];
 
 export class FrameLight {
   /**
-   * @param {import("../networks/models.js").Models} models
    * @param {import("./objectFollower.js").Masks} masks
    * @param {import("../photo/picture.js").Hints} hints as shares of width and height
-   * @param {number} longFovDeg
    * @param {import("../networks/lightOfObject.js").LightOptions} [options]
    */
   constructor(models, masks, hints, longFovDeg, options = {}) {

@@ -3,11 +3,7 @@
 import { AnyProbeError } from "../errors.js";
 import { isOf, kindOf } from "../photo/source.js";
 
-/**
- * The source to follow; of a camera's stream, its first video track.
- *
- * @param {import("../../types/index.d.ts").TrackSource} source
- */
+/** The source to follow; of a camera's stream, its first video track. @param {import("../../types/index.d.ts").TrackSource} source */
 export function checkSource(source) {
   if (source === null) return null;
   const followed = typeof source?.getVideoTracks === "function" ? source.getVideoTracks()[0] : source;

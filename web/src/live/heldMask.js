@@ -22,12 +22,7 @@ const READ_MORE = REACH + 0.1;
 /** Smaller windows are not registered, and so far a mask's soft edge reaches beyond it [pixels]. */
 const [LEAST_PX, SOFT_PX] = [8, 2];
 
-/**
- * A mask that was found in a frame.
- *
- * @param {Picture} picture
- * @param {Float32Array} mask of the picture's size, not empty
- */
+/** A mask that was found in a frame. @param {Picture} picture @param {Float32Array} mask of the picture's size, not empty */
 export function hold(picture, mask) {
   const window = around([0, 0, picture.width, picture.height], objectBox(mask, picture.width), ROOM);
   const [x0, y0, x1, y1] = window;

@@ -4,10 +4,7 @@ export class Newest {
   #waiting = null;
   #busy = false;
 
-  /**
-   * @param {(item: object) => Promise<void>} work
-   * @param {(item: object) => void} drop what is never worked on
-   */
+  /** @param {(item: object) => Promise<void>} work @param {(item: object) => void} drop what is never worked on */
   constructor(work, drop) {
     Object.assign(this, { work, drop });
   }

@@ -58,7 +58,6 @@ export class ObjectFollower {
   /**
    * The object's mask in a frame.
    *
-   * @param {import("../photo/picture.js").Picture} picture
    * @param {{data: Float32Array, width: number, height: number} | null} given the caller's own mask of it
    * @returns {Promise<{mask: Float32Array, box: number[], lit: Float32Array, isNew: boolean, missed?: true} | null>} box: around
    *   the mask; lit: as the light is to be estimated by; null: it is not seen, or something was marked meanwhile

@@ -35,13 +35,7 @@ export function matrixOf({ angle, scale }) {
 /** Whether a motion is to be believed. @param {Registered} found */
 export const isSure = ({ alike, inside, agreed }) => alike >= ALIKE && inside >= INSIDE && agreed >= AGREED;
 
-/**
- * Luma (R + 2 G + B) / 4 of a window of a picture.
- *
- * @param {import("../photo/picture.js").Picture} picture
- * @param {number[]} window x0, y0, x1, y1 in whole pixels
- * @returns {Luma}
- */
+/** Luma (R + 2 G + B) / 4 of a window of a picture. @param {number[]} window x0, y0, x1, y1 in whole pixels @returns {Luma} */
 export function lumaOf({ width, rgba }, [x0, y0, x1, y1]) {
   const values = new Float32Array((x1 - x0) * (y1 - y0));
   for (let y = y0, to = 0; y < y1; y++) {

@@ -90,15 +90,7 @@ export class Tracker {
     })());
   }
 
-  /**
-   * A frame of one's own, and the camera's pose when it was taken. Only the newest is processed.
-   *
-   * @param {import("../../types/index.d.ts").FrameSource} frame
-   * @param {{pose?: object, mask?: object, time?: number}} [about] pose: 16 numbers column by column, something with `matrix` or
-   *   `elements` of these, or nine row by row; mask: where the object is in it; time: of performance.now(), milliseconds
-   * @returns {Promise<void>} when the frame may be changed or closed; rejects where it, its pose or its mask is wrong, and after
-   *   a fault has ended the tracking, with that
-   */
+  /** A frame of one's own, and the camera's pose when it was taken. Only the newest is processed. */
   async offer(frame, about = {}) {
     if (this.#fault) throw this.#fault;
     checkNames("tracker.offer", about);

@@ -29,12 +29,7 @@ export function readSize(width, height) {
 
 let context = null;
 
-/**
- * A frame as a picture of at most LONG_PX.
- *
- * @param {object} frame of takeFrame
- * @returns {import("../photo/picture.js").Picture}
- */
+/** A frame as a picture of at most LONG_PX. @param {object} frame of takeFrame @returns {import("../photo/picture.js").Picture} */
 export function readFrame(frame) {
   if (frame.bytes) return upright(frame);
   const { width, height } = frame;

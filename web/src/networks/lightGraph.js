@@ -23,15 +23,7 @@ const MARGIN = CONTRACT.sizes.crop_margin;
  * @property {boolean} [believe] the background is used whatever it looks like
  */
 
-/**
- * Values and shape of each input, by name.
- *
- * @param {import("../photo/picture.js").Picture} picture
- * @param {Float32Array} mask
- * @param {number} longFovDeg
- * @param {Given} [given]
- * @returns {Record<string, [Float32Array, number[]]>}
- */
+/** Values and shape of each input, by name. @param {Given} [given] @returns {Record<string, [Float32Array, number[]]>} */
 export function graphInputs(picture, mask, longFovDeg, { isLensKnown = false, coverOf = () => 1, up, normals, material, believe = false } = {}) {
   const { width, height, rgba } = picture;
   const k = Math.ceil(Math.max(width, height) / PHOTO_SIDE);

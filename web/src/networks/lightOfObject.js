@@ -21,10 +21,6 @@ const ENOUGH = CONTRACT.exposure.enough;
  */
 
 /**
- * @param {import("./models.js").Models} models
- * @param {import("../photo/picture.js").Picture} picture
- * @param {Float32Array} mask
- * @param {number} longFovDeg
  * @param {LightOptions & {normals?: Float32Array | null, mirror?: number[]}} options normals: of every pixel, camera frame;
  *   mirror: the object is one of these normals, and of this reflectance
  */

@@ -11,10 +11,7 @@ const BALL = MATERIALS[CONTRACT.mirror_ball.material];
 /**
  * As lightOfObject. A given material or given normals are believed.
  *
- * @param {import("./models.js").Models} models
- * @param {import("../photo/picture.js").Picture} picture
  * @param {{longFovDeg: number, isLensKnown: boolean}} lens isLensKnown: whether that is the picture's own
- * @param {Float32Array} mask
  * @param {import("./lightOfObject.js").LightOptions & {normals?: Float32Array | null}} options
  */
 export async function lightOfStill(models, picture, { longFovDeg, isLensKnown }, mask, options) {

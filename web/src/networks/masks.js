@@ -11,9 +11,6 @@ import { WorkerClient } from "./workerClient.js";
 /**
  * The mask of a picture, with the IoU to expect, a line where that is little, and the seconds it took.
  *
- * @param {import("./models.js").Models} models
- * @param {import("../photo/picture.js").Picture} picture
- * @param {import("../photo/picture.js").Hints} hints
  * @param {() => boolean} isGivenUp
  * @param {boolean} [isKnown] whether it is an object that was lost, for which one look at its last box is enough
  */

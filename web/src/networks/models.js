@@ -8,10 +8,7 @@ import { download } from "../files/download.js";
 import { INPUTS } from "./lightGraph.js";
 
 export class Models {
-  /**
-   * @param {object} ort the runtime's module
-   * @param {Record<string, object>} sessions open sessions by stage: "light", "mask", "u2netp"
-   */
+  /** @param {object} ort the runtime's module @param {Record<string, object>} sessions open sessions by stage: "light", "mask", "u2netp" */
   constructor(ort, sessions) {
     Object.assign(this, { ort, sessions });
   }

@@ -11,10 +11,7 @@ export function requireBrowser() {
   throw new AnyProbeError("unsupported", `this browser has no ${missing}, which anyprobe needs; use a newer one`);
 }
 
-/**
- * @param {import("../../types/index.d.ts").LoadOptions} options
- * @param {object} files an entry's own, where options say nothing
- */
+/** @param {import("../../types/index.d.ts").LoadOptions} options @param {object} files an entry's own, where options say nothing */
 export function checkSetup({ threads, onProgress = () => {}, ...options }, files) {
   const least = threads ?? (globalThis.navigator?.hardwareConcurrency || 1);
   if (!(Number.isInteger(least) && least >= 1)) throw wrong("threads", "a whole number from 1 on", threads);

@@ -55,7 +55,6 @@ export class WorkerClient {
    *
    * @param {"open" | "mark" | "estimate"} say
    * @param {object} [given] of: "camera", else a still picture
-   * @param {AbortSignal} [signal]
    * @param {Transferable[]} [transfer]
    */
   async ask(say, given = {}, signal = undefined, transfer = []) {

@@ -6,11 +6,7 @@ import { notice } from "../notices.js";
 
 const DOUBT = CONTRACT.exposure.doubt;
 
-/**
- * @param {import("./picture.js").Picture} picture
- * @param {Float32Array} mask
- * @returns {import("../notices.js").Notice[]} one where little can be estimated
- */
+/** @returns {import("../notices.js").Notice[]} one where little can be estimated */
 export function exposureDoubts({ width, height, rgba }, mask) {
   const step = Math.max(1, Math.floor(Math.sqrt(mask.reduce((sum, value) => sum + value, 0) / DOUBT.samples)));
   let [count, dark, clipped] = [0, 0, 0];

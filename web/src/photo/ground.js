@@ -11,7 +11,6 @@ const RADIANS = Math.PI / 180;
 /**
  * The place where an object touches the ground: the middle of its mask's lower border.
  *
- * @param {Float32Array} mask
  * @param {number} width of the picture
  * @param {number[]} box x0, y0, x1, y1 of mask > 0.5
  * @returns {number[]} x, y in pixels
@@ -57,8 +56,6 @@ export function upOf(pitchDeg, rollDeg = 0) {
 /**
  * The ground of a picture that is no cut-out.
  *
- * @param {import("./picture.js").Picture} picture
- * @param {Float32Array} mask
  * @param {number[]} box of the mask's object
  * @param {number | undefined} pitchDeg how far the camera looks down, where it is known
  * @param {Float32Array} posture of Models.light: pitch, roll and the pitch's mean error [degrees]

@@ -39,7 +39,6 @@ export function lensOf(options, { width, height, exifFovDeg }) {
  * @param {{fovDeg?: number, longFovDeg?: number, projectionMatrix?: ArrayLike<number> | {elements: ArrayLike<number>}}} given
  *   vertical as three.js has it, of the longer side, or a camera's own matrix, column by column
  * @param {number} width of the picture
- * @param {number} height
  */
 function longFovOf(given, width, height) {
   const names = LENS.filter((name) => given[name] !== undefined);

@@ -25,7 +25,6 @@ export function checkObject(mask, width, subject = []) {
  * The part of a given mask that matters and a warning for each oddity. A segmenter's overlay, which is translucent on the object too, is scaled to 1
  * there.
  *
- * @param {Float32Array} mask
  * @param {number} width of the picture
  * @returns {{mask: Float32Array, warnings: import("../notices.js").Notice[]}}
  */
@@ -66,12 +65,7 @@ export function lookAtGiven(mask, width) {
   return { mask, warnings };
 }
 
-/**
- * A warning if a picture's transparency marks nearly all of it as the object.
- *
- * @param {Float32Array} mask
- * @returns {import("../notices.js").Notice[]}
- */
+/** A warning if a picture's transparency marks nearly all of it as the object. @returns {import("../notices.js").Notice[]} */
 export function alphaDoubts(mask) {
   const share = mask.reduce((sum, value) => sum + (value > 0.5), 0) / mask.length;
   if (share <= ALPHA_MOST) return [];

@@ -49,11 +49,7 @@ export class SmallNetwork {
     this.models = models;
   }
 
-  /**
-   * @param {import("./picture.js").Picture} picture
-   * @param {import("./picture.js").Hints} hints in its pixels
-   * @returns {Promise<Cover>} the longer side 160
-   */
+  /** @param {import("./picture.js").Hints} hints in its pixels @returns {Promise<Cover>} the longer side 160 */
   async cover({ width, height, rgba }, { on, off, box }) {
     const { size, grey } = SMALL;
     const scale = size / Math.max(width, height);

@@ -20,11 +20,6 @@ const LEAST_PIXELS = 100;
 export const saidOfBall = () =>
   notice("mirror-ball", "the object is round and shows its surroundings, so it was unwrapped as a mirror ball of chrome, which it may not be", give("material"));
 
-/**
- * @param {import("./picture.js").Picture} picture
- * @param {Float32Array} mask
- * @param {number} longFovDeg
- */
 export function looksLikeBall(picture, mask, longFovDeg) {
   const box = objectBox(mask, picture.width);
   if (!box) return false;

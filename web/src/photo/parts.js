@@ -9,7 +9,6 @@ const HOLE_SHARE = CONTRACT.mask.hole_share;
  * Which 4-connected part each pixel belongs to.
  *
  * @param {Uint8Array} inside 1 inside
- * @param {number} width
  * @returns {{labels: Int32Array, sizes: number[]}} labels from 1, 0 outside; sizes by label in pixels, sizes[0] 0
  */
 export function labelParts(inside, width) {

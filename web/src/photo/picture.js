@@ -6,7 +6,8 @@
  * @property {number} height
  * @property {Uint8ClampedArray} rgba display values of the upright picture, four bytes a pixel, not premultiplied
  *
- * A mask is a Float32Array of width * height numbers in [0, 1], 1 on the object.
+ * A mask is a Float32Array of width * height numbers in [0, 1], 1 on the object. Arguments called picture, mask, hints, models
+ * (networks/models.js) and found (a Finding of photo/search.js) are these everywhere.
  *
  * @typedef {object} Hints what was marked on a picture
  * @property {number[][]} on x, y of clicks on the object

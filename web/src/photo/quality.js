@@ -1,7 +1,4 @@
-/**
- * How good a found mask is, as anyprobe.masks.find: what the network expects of it, and whether another look gives the
- * same object.
- */
+/** How good a found mask is, as anyprobe.masks.find: what the network expects of it, and whether another look gives the same object. */
 
 import { CONTRACT } from "../core/contract.js";
 import { expectedOf } from "./search.js";
@@ -12,11 +9,7 @@ export const { doubtful: DOUBTFUL, refused: REFUSED } = CONTRACT.mask.quality;
 /** How much a box that cuts the object off lowers it, and the share of a flat outline that makes it doubtful. */
 const { cut: CUT, flat: FLAT } = CONTRACT.mask.quality;
 
-/**
- * Factors of a finding's expected IoU, each from 0 to 1, by what a low one means in a few words.
- *
- * @param {import("./search.js").Finding} found
- */
+/** Factors of a finding's expected IoU, each from 0 to 1, by what a low one means in a few words. */
 export function reasonsFor(found) {
   return {
     "its outline is blurred": expectedOf(found),
@@ -35,12 +28,7 @@ export function doubtOf(found) {
   return reason;
 }
 
-/**
- * A line about what looks wrong if the expected IoU is low.
- *
- * @param {import("./search.js").Finding} found
- * @returns {import("../notices.js").Notice[]}
- */
+/** A line about what looks wrong if the expected IoU is low. @returns {import("../notices.js").Notice[]} */
 export function warningsOf(found) {
   if (expectedIou(found) >= DOUBTFUL) return [];
   return [notice("mask-doubtful", `the mask may be wrong: ${doubtOf(found)}`, give("box", "click", "exclude", "mask"))];

@@ -30,7 +30,6 @@ export class Looks {
 
   /**
    * @param {import("./maskNetworks.js").U2NetP | import("./maskNetworks.js").SmallNetwork} network
-   * @param {import("./picture.js").Picture} picture
    * @param {Map<string, Float32Array>} [kept] looks that were taken at it before
    */
   constructor(network, picture, kept = new Map()) {
@@ -61,11 +60,7 @@ export class Looks {
   }
 }
 
-/**
- * @param {Looks} looks
- * @param {import("./picture.js").Hints} hints
- * @returns {Promise<Finding | null>} null where nothing is there
- */
+/** @param {Looks} looks @param {import("./picture.js").Hints} hints @returns {Promise<Finding | null>} null where nothing is there */
 export async function findObject(looks, hints) {
   const known = looks.known();
   const start = hints.box ? around(looks.photo, hints.box, MARGIN) : looks.photo;

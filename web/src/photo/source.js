@@ -14,7 +14,6 @@ const LONG_PX = 1600;
  * Pixels of a picture, shrunk to a longer side of 1600.
  *
  * @param {import("../../types/index.d.ts").ImageSource} source
- * @param {AbortSignal} [signal]
  * @returns {Promise<import("./picture.js").Picture & {scale: number, fullWidth: number, fullHeight: number, exifFovDeg?: number | null}>}
  *   scale: pixels of it for one of the source; exifFovDeg: of its longer side, where its file notes it
  */
@@ -157,7 +156,6 @@ const MOST_UNEVEN = 0.01;
  *
  * @param {import("../../types/index.d.ts").EstimateOptions["mask"]} mask
  * @param {Awaited<ReturnType<typeof readSource>>} picture
- * @param {AbortSignal} [signal]
  * @returns {Promise<Float32Array>} of the picture's pixels in memory
  */
 export async function readMask(mask, picture, signal) {

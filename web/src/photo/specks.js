@@ -7,7 +7,6 @@ const NUMBERS = CONTRACT.mask.specks;
 
 /**
  * @param {Float32Array} mask above one half somewhere
- * @param {number} width
  * @returns {{mask: Float32Array, large: number, isOutline: boolean}} mask: the given one itself where nothing is dropped;
  *   large: how many large parts it had; isOutline: whether it is only the outline of something
  */

@@ -2,13 +2,7 @@
 
 import { focalPx } from "./lens.js";
 
-/**
- * Unit rays through the middles of a picture's pixels, camera frame, three numbers each.
- *
- * @param {number} width
- * @param {number} height
- * @param {number} longFovDeg
- */
+/** Unit rays through the middles of a picture's pixels, camera frame, three numbers each. */
 export function raysOf(width, height, longFovDeg) {
   const focal = focalPx(width, height, longFovDeg);
   const rays = new Float64Array(3 * width * height);
@@ -29,8 +23,6 @@ export function raysOf(width, height, longFovDeg) {
  * angle 2 pi (1 - cos phi) gives phi, its mean ray c.
  *
  * @param {Float32Array} mask width * height in [0, 1]
- * @param {number} width
- * @param {number} longFovDeg
  * @returns {{normals: Float32Array, overlap: number}} normals [height, width, 3] in the camera's frame, unit, zero beside the
  *   sphere; overlap: of the mask and the sphere, intersection over union
  */

@@ -27,8 +27,6 @@ export async function takeTexture({ gl, texture, width: fullWidth, height: fullH
  * RGBA of what is bound for reading, its lowest row first; begun at once.
  *
  * @param {WebGL2RenderingContext} gl
- * @param {number} width
- * @param {number} height
  * @param {ArrayBuffer[]} [spares] as of takeTexture
  * @returns {Promise<Uint8Array>}
  */

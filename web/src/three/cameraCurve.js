@@ -13,12 +13,9 @@ const CURVE = `vec3 CustomToneMapping( vec3 color ) {
 }`;
 
 /**
- * Let a renderer show radiance in the photo's exposure units as the photo's camera does: 1 is white.
- *
- * The curve fills the place that three.js keeps for one (CustomToneMapping), for every renderer that asks for it; call
- * this before the first picture is drawn.
- *
- * @param {import("three").WebGLRenderer} renderer its output stays sRGB
+ * Let a renderer show radiance in the photo's exposure units as the photo's camera does: 1 is white. The curve fills the place
+ * that three.js keeps for one (CustomToneMapping), for every renderer that asks for it; call this before the first picture is
+ * drawn.
  */
 export function installCameraCurve(renderer) {
   const chunk = ShaderChunk.tonemapping_pars_fragment;

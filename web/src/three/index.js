@@ -1,4 +1,4 @@
-/** anyprobe/three: estimates in three.js. */
+/** anyprobe/three: estimates in three.js; types/three.d.ts says what each method takes and gives. */
 
 export { groundShadowOpacity, shadowOpacity } from "../light/groundShadow.js";
 export { installCameraCurve } from "./cameraCurve.js";

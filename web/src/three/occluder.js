@@ -18,11 +18,6 @@ export class MaskOccluder {
     });
   }
 
-  /**
-   * @param {import("../../types/index.d.ts").Mask} mask `mask` of a light
-   * @param {number} distance of its base from the camera, which looks along -Z
-   * @param {number} focalPx of the camera, in the mask's pixels
-   */
   show(given, distance, focalPx) {
     const { data: mask, width, height } = given ?? {};
     if (!mask || mask.length !== width * height) {

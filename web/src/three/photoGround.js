@@ -30,11 +30,7 @@ export class PhotoGround extends Group {
   #light;
   #view;
 
-  /**
-   * The camera that took a light's photo, at the origin: of its lens, and of the aspect of its mask.
-   *
-   * @param {import("../light/light.js").Light} light
-   */
+  /** The camera that took a light's photo, at the origin: of its lens, and of the aspect of its mask. */
   static camera(light) {
     const { mask, lens } = light ?? {};
     if (!mask || !lens) throw new AnyProbeError("invalid-option", "expected one with its mask and lens, got none; take it from probe.estimate", { subject: ["light"] });
@@ -42,12 +38,6 @@ export class PhotoGround extends Group {
     return new PerspectiveCamera((Math.atan(half) * 360) / Math.PI, mask.width / mask.height);
   }
 
-  /**
-   * @param {import("../light/light.js").Light} light of the photo, with its mask
-   * @param {import("three").PerspectiveCamera} camera of the photo's field of view and aspect
-   * @param {{pitchDeg?: number}} [options] how far the camera looks down, where it is known; default: as `light.ground` has it;
-   *   raised to where the object's foot is seen from above
-   */
   constructor(light, camera, options = {}) {
     super();
     checkNames("PhotoGround", options);
@@ -79,11 +69,7 @@ export class PhotoGround extends Group {
     return new Vector3((x - width / 2) / focal, (height / 2 - y) / focal, -1);
   }
 
-  /**
-   * The place on the ground that a pixel shows, in this group; null where it shows none.
-   *
-   * @param {number[]} pixel x, y of the mask's size
-   */
+  /** The place on the ground that a pixel shows, in this group; null where it shows none. */
   at(pixel) {
     const plane = new Plane().setFromNormalAndCoplanarPoint(this.#up, this.position);
     const hit = new Ray(new Vector3(), this.#toward(pixel).normalize()).intersectPlane(plane, new Vector3());
@@ -91,12 +77,7 @@ export class PhotoGround extends Group {
     return hit.sub(this.position).applyQuaternion(this.quaternion.clone().invert());
   }
 
-  /**
-   * Stand an object on the ground: its lowest point touches it at a pixel, and a contact shadow lies under it.
-   *
-   * @param {import("three").Object3D} object heights are in those of the real object
-   * @param {number[]} pixel x, y of the mask's size
-   */
+  /** Stand an object on the ground: its lowest point touches it at a pixel, and a contact shadow lies under it. */
   stand(object, pixel) {
     const place = this.at(pixel);
     if (!place) {
@@ -119,11 +100,7 @@ export class PhotoGround extends Group {
     return object;
   }
 
-  /**
-   * Let the dominant light cast the shadows of all that stands here, as dark as its share of the ground's light is.
-   *
-   * @param {import("./probeLight.js").ProbeLight} lights in the same frame as this group
-   */
+  /** Let the dominant light cast the shadows of all that stands here, as dark as its share of the ground's light is. */
   castFrom(lights) {
     this.updateMatrixWorld(true);
     const box = new Box3();

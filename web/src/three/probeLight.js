@@ -32,10 +32,6 @@ export class ProbeLight extends Group {
   #view = null; // of the session's camera, when its picture was offered last
   #isFallback = true; // no object has been seen yet
 
-  /**
-   * @param {import("../anyprobe.js").AnyProbe} probe
-   * @param {boolean} [environmentEstimation] whether reflections are wanted, as `environment`
-   */
   constructor(probe, environmentEstimation = true) {
     super();
     this.probe = probe;
@@ -50,13 +46,7 @@ export class ProbeLight extends Group {
     this.estimate = null;
   }
 
-  /**
-   * Take on a light.
-   *
-   * @param {import("../light/light.js").Light} light in a camera's frame, or in the world where its frame came with a pose
-   * @param {import("three").Object3D | null} [camera] that took the picture, where it is not the scene's origin; its
-   *   matrixWorld must be up to date
-   */
+  /** Take on a light. */
   update(light, camera = null) {
     checkIsLight(light);
     this.estimate = light;
@@ -88,13 +78,7 @@ export class ProbeLight extends Group {
     super.updateMatrixWorld(force);
   }
 
-  /**
-   * Follow the light of a source until stop; again after that, as for the next XR session.
-   *
-   * @param {HTMLVideoElement | HTMLCanvasElement | OffscreenCanvas | MediaStreamTrack | null} source
-   * @param {object} [options] of AnyProbe.track, and camera: whose place is asked for whenever a frame is taken, and the light
-   *   kept still in the world
-   */
+  /** Follow the light of a source until stop; again after that, as for the next XR session. */
   track(source, { camera = null, ...options } = {}) {
     this.stop();
     if (!this.probe?.track) throw wrong("probe", "what AnyProbe.load gives, as ProbeLight's first argument", this.probe);
@@ -117,11 +101,6 @@ export class ProbeLight extends Group {
   /**
    * In an XR session's animation loop: follow the light of the camera whose picture the session shows, by the pose of its view.
    * The session must have been asked for with requiredFeatures: ["camera-access"].
-   *
-   * @param {import("three").WebGLRenderer} renderer
-   * @param {XRFrame | null} frame of the loop; null outside a session
-   * @param {object} [options] of AnyProbe.track, for the first frame
-   * @returns {boolean} whether there was a picture
    */
   offerCamera(renderer, frame, options = {}) {
     const views = frame?.getViewerPose(renderer.xr.getReferenceSpace())?.views ?? [];
@@ -152,12 +131,7 @@ export class ProbeLight extends Group {
     }
   }
 
-  /**
-   * The object that is the probe, by a tap in the session.
-   *
-   * @param {import("three").Object3D} controller of renderer.xr.getController, whose ray points at it
-   * @returns {Promise<void>} rejects where the camera's picture does not show it
-   */
+  /** The object that is the probe, by a tap in the session. */
   async mark(controller) {
     if (!this.#view || !this.#tracker) throw new AnyProbeError("invalid-option", "expected a picture of the session's camera first; call offerCamera at each frame");
     const { clip, width, height } = this.#view;
