@@ -129,8 +129,6 @@ class MissingExtra(AnyprobeError, ImportError):
         folder: of the distribution that has the extra, in a clone."""
         text = f"{purpose} needs the package {package}; from a clone: pip install '{folder}[{extra}]'"
         if error is not None and not isinstance(error, ModuleNotFoundError):
-            text = (
-                f"{purpose} needs the package {package}, which cannot be loaded "
-                f"({' '.join(str(error).split())[:120]}); reinstall it"
-            )
+            reason = " ".join(str(error).split())[:120]
+            text = f"{purpose} needs the package {package}, which cannot be loaded ({reason}); reinstall it"
         super().__init__(text)

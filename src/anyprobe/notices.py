@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
 CONTROLS = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]+")
@@ -90,7 +90,7 @@ class Notice(str):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the notice as its JSON."""
-        return _restore, (self.as_json(),)
+        return Notice.from_json, (self.as_json(),)
 
     def adding(self, text: str) -> Notice:
         """Return a copy with more text."""
@@ -109,9 +109,7 @@ class Notice(str):
 
     def as_json(self) -> dict[str, Any]:
         """Return the notice as plain data; see from_json."""
-        remedy = [
-            {"do": one.do, "name": one.name, **({"value": one.value} if one.value else {})} for one in self.remedy
-        ]
+        remedy = [{name: text for name, text in asdict(one).items() if text} for one in self.remedy]
         found = {"code": self.code, "subject": list(self.subject), "text": self.text, "remedy": remedy}
         return {**found, "source": self.source} if self.source else found
 
@@ -125,10 +123,6 @@ class Notice(str):
         remedy = [Remedy(**one) for one in data["remedy"]]
         rest = {name: data.get(name, "") for name in ("code", "source")}
         return cls(data["text"], subject=data["subject"], remedy=remedy, **rest)
-
-
-def _restore(data: Mapping[str, Any]) -> Notice:
-    return Notice.from_json(data)
 
 
 def as_notice(line: str, source: object = "") -> Notice:

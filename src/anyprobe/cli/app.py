@@ -46,11 +46,8 @@ def new_app(help: str | None, **more: Any) -> App:
     )
 
 
-app = new_app(
-    "HDR environment maps from one photo: any object is a light probe.",
-    name="anyprobe",
-    version=f"anyprobe {__version__}",
-)
+DESCRIPTION = "HDR environment maps from one photo: any object is a light probe."
+app = new_app(DESCRIPTION, name="anyprobe", version=f"anyprobe {__version__}")
 COMMANDS = (
     *("estimate:estimate", "mask:mask", "relight:relight", "video:video", "match:match", "export:export"),
     *("material_list:materials", "serve:serve", "doctor:doctor"),
@@ -93,10 +90,8 @@ def main(command: App | Callable[..., None] = app) -> None:
     except OSError as error:  # a folder that may not be looked into, a disk that is full
         if error.filename is None and isinstance(error, FileNotFoundError):  # os.getcwd
             _fail("the current folder no longer exists; change to another")
-        _fail(
-            f"{error.filename or 'the system'}: refused ({error.strerror or error}); "
-            "check the path, or end other programs"
-        )
+        where, why = error.filename or "the system", error.strerror or error
+        _fail(f"{where}: refused ({why}); check the path, or end other programs")
     except KeyboardInterrupt:
         _fail("interrupted", status=130)
     except Exception as error:

@@ -113,10 +113,8 @@ def match(
     print_table(console, table)
     num_close = sum(candidate.misfit < ranked[0].misfit + CLEAR_MARGIN for candidate in ranked)
     if num_close > 1:
-        console.print(
-            f"{num_close} of {len(ranked)} panoramas explain the photo about equally well; see {out / stem}_match.png",
-            soft_wrap=True,
-        )
+        close = f"{num_close} of {len(ranked)} panoramas explain the photo about equally well"
+        console.print(f"{close}; see {out / stem}_match.png", soft_wrap=True)
     for warning in warnings:
         console.print(f"warning: {OPTIONS.line(warning)}", soft_wrap=True)
     console.print(f"results: {out / stem}_*", soft_wrap=True)

@@ -44,6 +44,7 @@ MarksOption = Annotated[
     ),
 ]
 
+STRICT = "Exit with status 2 if a result has a warning; it is still written."
 NO_FOLDERS = (*PICTURES, ".npy", ".hdr", ".json", ".mp4", ".mov", ".glb", ".usda", ".usdz", ".zip")
 """Suffixes that show that a file's name was given where a folder is meant."""
 
@@ -55,9 +56,8 @@ def folder_option(help: str) -> Parameter:
 
 def _check_folder(_: Any, out: Path | None) -> None:
     if out is not None and out.suffix.lower() in NO_FOLDERS and not out.is_dir():
-        raise OutputError(
-            f"-o {out}: expected a folder, got a name that ends in {out.suffix}; drop the suffix, or create the folder"
-        )
+        text = f"expected a folder, got a name that ends in {out.suffix}; drop the suffix, or create the folder"
+        raise OutputError(f"-o {out}: {text}")
 
 
 def bounded(least: float, most: float = math.inf) -> Parameter:
@@ -95,11 +95,8 @@ def option_of(name: str) -> Parameter:
         text = f"{text.rstrip('.')}; or a folder of them, named like the photos."
     elif hint.numbers == (1,):
         metavar = "NUMBER"
-    option = f"--{hint.name.replace('_', '-')}"
-    group = GROUPS[hint.about]
-    return Parameter(
-        name=option, metavar=metavar, help=text, group=group, allow_leading_hyphen=bool(hint.numbers), negative=()
-    )
+    option, group, signed = f"--{hint.name.replace('_', '-')}", GROUPS[hint.about], bool(hint.numbers)
+    return Parameter(name=option, metavar=metavar, help=text, group=group, allow_leading_hyphen=signed, negative=())
 
 
 @Parameter(name="*")
@@ -114,9 +111,7 @@ class PlaceOptions:
     near: Annotated[float | None, option_of("near")] = None
     far: Annotated[float | None, option_of("far")] = None
     segmenter: Annotated[str | None, option_of("segmenter"), Parameter(group=GROUPS["place"])] = None
-    strict: Annotated[bool, Parameter(help="Exit with status 2 if a result has a warning; it is still written.")] = (
-        False
-    )
+    strict: Annotated[bool, Parameter(help=STRICT)] = False
 
     def hints(self) -> Hints:
         """Return what the options give. Files may still be folders: hints_for makes them one photo's.
@@ -193,10 +188,8 @@ class OptionWords(Words):
     def giving(self, argument: str, value: str) -> str:
         """Return the option and what follows it."""
         hint = HINTS.get(argument)
-        form = (
-            FORMS.get(argument, "NUMBER") if hint is None else hint.metavar or ("FILE" if hint.suffixes else "NUMBER")
-        )
-        return f"{self.name(argument)} {value or form}"
+        form = FORMS.get(argument) if hint is None else hint.metavar or ("FILE" if hint.suffixes else None)
+        return f"{self.name(argument)} {value or form or 'NUMBER'}"
 
     def action(self, name: str) -> str:
         """Return what users of the command line do."""

@@ -96,9 +96,8 @@ def some(names: Sequence[str]) -> str:
 def hints_for(photo: Path, hints: Hints, marks: Marks | None = None) -> Hints:
     """Return the hints of one photo: folders of masks, depth images, normals or panoramas become the file of its
     name; marks: of all photos, those of its name are added."""
-    files: dict[str, Any] = {
-        name: _file_for(photo, path, name, HINTS[name].suffixes) for name, path in hints.files().items()
-    }
+    given = hints.files().items()
+    files: dict[str, Any] = {name: _file_for(photo, path, name, HINTS[name].suffixes) for name, path in given}
     return replace(hints, **files, **(marks or {}).get(composed(photo.name), {}))
 
 
@@ -119,9 +118,8 @@ def list_photos(photos: Iterable[Path]) -> list[Path]:
             chosen.append(path)
             continue
         found = visible_files(path, PICTURES)
-        written = {f"{p.stem}_{kind}" for p in found for kind in ("mask", "overlay", "relit", "origin")} | {
-            p.name for p in found
-        }
+        written = {f"{p.stem}_{kind}" for p in found for kind in ("mask", "overlay", "relit", "origin")}
+        written |= {p.name for p in found}
         maps = {p for p in found if p.suffix.lower() == ".exr" and _is_map(p)}
         previews = {p.with_suffix(".png") for p in maps if p.with_suffix(".json").is_file()}
         found = [p for p in found if p.stem not in written and p not in maps | previews]

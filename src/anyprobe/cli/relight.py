@@ -191,11 +191,8 @@ def relight(
     if as_json:
         print(json.dumps(summary))
     elif not quiet:
-        print(
-            f"{out}: {insert} of {material} at {contact_px[0]:.0f},{contact_px[1]:.0f}, camera "
-            f"{_pitch(stage, loaded, ground)}",
-            file=sys.stderr,
-        )
+        place = f"{contact_px[0]:.0f},{contact_px[1]:.0f}, camera {_pitch(stage, loaded, ground)}"
+        print(f"{out}: {insert} of {material} at {place}", file=sys.stderr)
     if strict and summary["warnings"]:
         sys.exit(2)
 
@@ -238,10 +235,8 @@ def _radiance(
         if not np.allclose(turn, np.eye(3)):
             radiance = np.maximum(rotate(radiance, turn.T), 0.0)
         is_same_photo = origin.get("photo") == photo.name and "ground" in origin and photo.pitch_deg is None
-        found_ground = (
-            Ground.of(origin["ground"]) if is_same_photo else session.estimate(models.estimator(), [photo]).ground
-        )
-        return radiance, 1.0, found_ground, photo.warnings
+        ground = Ground.of(origin["ground"]) if is_same_photo else session.estimate(models.estimator(), [photo]).ground
+        return radiance, 1.0, ground, photo.warnings
     from anyprobe.relight.appearance import least_scale
 
     estimated = session.estimate(source, [photo])

@@ -141,9 +141,8 @@ def video(
         raise
     seconds = time.monotonic() - start
     for index, line in outcome.bad:
-        console.print(
-            f"warning: {_named(index, options.OPTIONS.line(line))} (the previous light is kept)", soft_wrap=True
-        )
+        text = _named(index, options.OPTIONS.line(line))
+        console.print(f"warning: {text} (the previous light is kept)", soft_wrap=True)
     if outcome.damaged:
         console.print(f"warning: {clip.name}: {outcome.damaged} damaged pieces skipped", soft_wrap=True)
     warnings = [*outcome.notes, *(one.naming(PLACING) for one in run.place_warnings)]

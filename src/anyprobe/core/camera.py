@@ -38,9 +38,8 @@ class PinholeCamera:
     @classmethod
     def of_fov(cls, width: int, height: int, long_fov_deg: float) -> PinholeCamera:
         """Return the camera whose longer side takes in this angle [degrees]."""
-        return cls(
-            width=width, height=height, focal=float(max(width, height) / 2 / np.tan(np.radians(long_fov_deg) / 2))
-        )
+        focal = float(max(width, height) / 2 / np.tan(np.radians(long_fov_deg) / 2))
+        return cls(width=width, height=height, focal=focal)
 
     @property
     def long_fov_deg(self) -> float:
@@ -50,9 +49,8 @@ class PinholeCamera:
     def rays(self, x, y) -> np.ndarray:
         """Return directions [..., 3] with z = -1 through points of the photo; pixel i covers [i, i + 1)."""
         x, y = np.asarray(x, float), np.asarray(y, float)
-        return np.stack(
-            [(x - self.width / 2) / self.focal, (self.height / 2 - y) / self.focal, -np.ones_like(x)], axis=-1
-        )
+        right, up = (x - self.width / 2) / self.focal, (self.height / 2 - y) / self.focal
+        return np.stack([right, up, -np.ones_like(x)], axis=-1)
 
     def ray(self, point: tuple[float, float]) -> np.ndarray:
         """Return the unit direction [3] through a point of the photo."""
@@ -62,13 +60,8 @@ class PinholeCamera:
     def pixels(self, points: np.ndarray) -> np.ndarray:
         """Return where points [..., 3] in front of the camera appear, [..., 2] px."""
         depth = np.maximum(-points[..., 2], 1e-6)
-        return np.stack(
-            [
-                self.width / 2 + self.focal * points[..., 0] / depth,
-                self.height / 2 - self.focal * points[..., 1] / depth,
-            ],
-            axis=-1,
-        )
+        x = self.width / 2 + self.focal * points[..., 0] / depth
+        return np.stack([x, self.height / 2 - self.focal * points[..., 1] / depth], axis=-1)
 
     def shows(self, d: np.ndarray) -> np.ndarray:
         """Return which unit directions [..., 3] are inside the photo."""
@@ -101,7 +94,6 @@ def draw_on_sphere(
     inside = camera.shows(d)
     x, y = np.moveaxis(camera.pixels(d[inside]), -1, 0)
     drawn = np.zeros((rows, 2 * rows, picture.shape[2]), np.float32)
-    drawn[inside] = between(
-        resample(picture, size), x * (size[0] / camera.width) - 0.5, y * (size[1] / camera.height) - 0.5
-    )
+    x, y = x * (size[0] / camera.width) - 0.5, y * (size[1] / camera.height) - 0.5
+    drawn[inside] = between(resample(picture, size), x, y)
     return drawn, inside

@@ -107,11 +107,8 @@ def turn_towards(direction: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]
 def is_rotation(matrix: np.ndarray) -> bool:
     """Return whether a matrix is [3, 3] and turns without mirroring or scaling, to a thousandth."""
     matrix = np.asarray(matrix, dtype=np.float64)
-    return (
-        matrix.shape == (3, 3)
-        and np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-3)
-        and bool(np.linalg.det(matrix) > 0)
-    )
+    is_rigid = matrix.shape == (3, 3) and np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-3)
+    return is_rigid and bool(np.linalg.det(matrix) > 0)
 
 
 def check_pose(pose: np.ndarray, subject: str) -> Float[np.ndarray, "3 3"]:

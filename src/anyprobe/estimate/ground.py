@@ -118,14 +118,8 @@ def up_of(pitch_deg: float, roll_deg: float = 0.0) -> np.ndarray:
 def ground_by_posture(ground: Ground, posture: Float[np.ndarray, " 3"]) -> Ground:
     """Return a guessed ground with the pitch and roll estimated by a network; posture: see light_graph.Said."""
     pitch_deg, roll_deg, error_deg = (float(one) for one in posture)
-    return replace(
-        ground,
-        pitch_deg=pitch_deg,
-        pitch_error_deg=error_deg * SPREAD,
-        roll_deg=roll_deg,
-        source=ESTIMATED,
-        is_doubtful=False,
-    )
+    given = replace(ground, pitch_deg=pitch_deg, pitch_error_deg=error_deg * SPREAD, roll_deg=roll_deg)
+    return replace(given, source=ESTIMATED, is_doubtful=False)
 
 
 def levelled(

@@ -213,9 +213,8 @@ def use_material(
     Returns:
         the same with another map and confidence, and a record for the sidecar.
     """
-    done = {name: json_numbers(getattr(material, name), 5) for name in ("albedo", "f0")} | {
-        "alpha": float(material.alpha)
-    }
+    colors = {name: json_numbers(getattr(material, name), 5) for name in ("albedo", "f0")}
+    done = {**colors, "alpha": float(material.alpha)}
     normals, turn = said.object_normals, said.camera_from_crop
     if normals is None:
         text = "expected a model that estimates normals, got one that does not"

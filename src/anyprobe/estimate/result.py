@@ -192,12 +192,8 @@ class Light:
             InputError: not a rotation; a mirrored or scaled matrix would bend the light.
         """
         rotation = check_pose(rotation, "rotation")
-        turned = replace(
-            self,
-            radiance=rotate(self.radiance, rotation),
-            map_from_camera=rotation @ self.map_from_camera,
-            said_sources=turned_said(self.said_sources, rotation),
-        )
+        radiance, said = rotate(self.radiance, rotation), turned_said(self.said_sources, rotation)
+        turned = replace(self, radiance=radiance, map_from_camera=rotation @ self.map_from_camera, said_sources=said)
         if self.confidence is None:
             return turned
         return replace(turned, confidence=rotate(self.confidence[..., None], rotation)[..., 0].clip(0.0, 1.0))

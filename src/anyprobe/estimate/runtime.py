@@ -105,12 +105,8 @@ class Models:
         irradiance_net, illumination_net, hdr_net = (partial(self._picture, one, frame[3, 0]) for one in STAGES)
         made = estimate_light(photo, irradiance_net, illumination_net, hdr_net)
         irradiance, radiance = (one[0].transpose(1, 2, 0) for one in (made.irradiance, made.radiance))
-        return Said(
-            radiance=np.maximum(rotate(radiance, frame[:3]), 0.0),
-            crop=image,
-            crop_frame=frame,
-            irradiance=irradiance.clip(0.0, 1.0),
-        )
+        radiance = np.maximum(rotate(radiance, frame[:3]), 0.0)
+        return Said(radiance=radiance, crop=image, crop_frame=frame, irradiance=irradiance.clip(0.0, 1.0))
 
     def _picture(self, stage: str, tan_half: float, picture: np.ndarray) -> np.ndarray:
         """Run a stage of the chain; its graph may also ask for the tangent of half the field of view."""
@@ -178,12 +174,11 @@ def _check_names(path: Path, what: str, expected: tuple[str, ...], found: list) 
 def file_hashes(model: str) -> dict[str, str]:
     """First 12 hexadecimal digits of SHA-256 of each graph: the model's identity."""
     folder = weights_folder(model)
-    missing = next((stage for stage in stages_of(folder) if not (folder / f"{stage}.onnx").is_file()), None)
+    graphs = {stage: folder / f"{stage}.onnx" for stage in stages_of(folder)}
+    missing = next((graph.name for graph in graphs.values() if not graph.is_file()), None)
     if missing is not None:
-        raise ModelError(f"expected {missing}.onnx in it, found none; get the whole model", source=folder)
-    return {
-        stage: hashlib.sha256((folder / f"{stage}.onnx").read_bytes()).hexdigest()[:12] for stage in stages_of(folder)
-    }
+        raise ModelError(f"expected {missing} in it, found none; get the whole model", source=folder)
+    return {stage: hashlib.sha256(graph.read_bytes()).hexdigest()[:12] for stage, graph in graphs.items()}
 
 
 def model_id(model: str) -> str:

@@ -109,12 +109,9 @@ def draw_matches(photo: Photo, rows: Sequence[Captioned]) -> np.ndarray:
     given = _photo_and_mask(photo)
     sheet = [given]
     for caption, spheres, radiance in drawn:
-        shown = given[:1]
-        shown += [
-            (f"{SPHERES[name]}, {math.log2(gain):+g} EV", _fit(response(sphere * gain), ROW))
-            for name, sphere in spheres.items()
-        ]
-        sheet.append([*shown, (caption, _fit(response(radiance * gain), ROW))])
+        shown = {f"{SPHERES[name]}, {math.log2(gain):+g} EV": sphere for name, sphere in spheres.items()}
+        shown[caption] = radiance
+        sheet.append([*given[:1], *((text, _fit(response(one * gain), ROW)) for text, one in shown.items())])
     return _captioned(sheet)
 
 

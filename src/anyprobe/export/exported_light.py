@@ -153,12 +153,9 @@ def numbers(values: Any) -> Any:
 
 def primary_light(light: ExportedLight) -> dict[str, dict[str, float]]:
     """Return the dominant light in the terms of WebXR's XRLightEstimate: direction with w = 0, intensity with w = 1."""
-    x, y, z = numbers(light.main.direction)
-    r, g, b = numbers(light.main.irradiance)
-    return {
-        "primaryLightDirection": {"x": x, "y": y, "z": z, "w": 0.0},
-        "primaryLightIntensity": {"x": r, "y": g, "z": b, "w": 1.0},
-    }
+    direction = dict(zip("xyzw", (*numbers(light.main.direction), 0.0), strict=True))
+    intensity = dict(zip("xyzw", (*numbers(light.main.irradiance), 1.0), strict=True))
+    return {"primaryLightDirection": direction, "primaryLightIntensity": intensity}
 
 
 def sidecar(light: ExportedLight, target: str, frame: TargetFrame, more: Mapping[str, Any]) -> dict[str, Any]:

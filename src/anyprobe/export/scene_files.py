@@ -225,10 +225,8 @@ def write_mitsuba(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
     Mitsuba writes its picture as .exr beside the scene, under the scene's name, which therefore is not the map's.
     """
     pixels = pole_to_pole(OPENEXR.roll(light.radiance)).astype(np.float32)
-    attributes = {
-        "anyprobe:scale": EXPORT_SCALE,
-        "anyprobe:rows": "pole to pole, as Mitsuba 3 reads them: v = row / (rows - 1)",
-    }
+    rows = "pole to pole, as Mitsuba 3 reads them: v = row / (rows - 1)"
+    attributes = {"anyprobe:scale": EXPORT_SCALE, "anyprobe:rows": rows}
     channels = {name: pixels[..., i] for i, name in enumerate("RGB")}
     path = folder / f"{light.name}.exr"
     write_channels(path, channels, attributes, latlong=False)  # its rows lie elsewhere

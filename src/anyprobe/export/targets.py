@@ -85,14 +85,8 @@ def write_unreal(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
         error=doubt,
     )
     (folder / f"{light.name}.txt").write_text(notes, encoding="utf-8")
-    return {
-        "unreal": {
-            "light_pitch_deg": round(pitch, 4),
-            "light_yaw_deg": round(yaw, 4),
-            "light_color": numbers(light.main.color),
-            "light_intensity_lux": numbers(intensity),
-        }
-    }
+    angles = {"light_pitch_deg": round(pitch, 4), "light_yaw_deg": round(yaw, 4)}
+    return {"unreal": {**angles, "light_color": numbers(light.main.color), "light_intensity_lux": numbers(intensity)}}
 
 
 def write_unity(light: ExportedLight, folder: Path) -> Mapping[str, Any]:

@@ -42,11 +42,8 @@ def open_object(name: str) -> Mesh:
     if name in OBJECTS:
         return OBJECTS[name]()
     if not Path(name).suffix:
-        raise InputError(
-            f"expected one of {', '.join(OBJECTS)} or a mesh file ({', '.join(MESH_SUFFIXES)}), got {name!r}"
-            f"{did_you_mean(name, OBJECTS)}",
-            subject="object",
-        )
+        named = f"expected one of {', '.join(OBJECTS)} or a mesh file ({', '.join(MESH_SUFFIXES)})"
+        raise InputError(f"{named}, got {name!r}{did_you_mean(name, OBJECTS)}", subject="object")
     return read_mesh(name)
 
 

@@ -46,9 +46,8 @@ def is_same_file(one: Path, other: Path) -> bool:
 
 def natural_order(name: str) -> list[tuple[bool, int, str]]:
     """Return a key that sorts names by their numbers: frame_2 before frame_10."""
-    return [
-        (part.isdecimal(), int(part[:4000]) if part.isdecimal() else 0, part) for part in re.split(r"([0-9]+)", name)
-    ]
+    parts = re.split(r"([0-9]+)", name)
+    return [(part.isdecimal(), int(part[:4000]) if part.isdecimal() else 0, part) for part in parts]
 
 
 def composed(name: str) -> str:

@@ -82,11 +82,8 @@ class Hint:
     def read_word(self, text: str) -> str:
         """Check for one of the words accepted in place of a file; InputError for another."""
         if text not in self.words:
-            raise InputError(
-                f"expected {' or '.join(('a file part', *self.words))}, got {text[:60]!r}"
-                f"{did_you_mean(text, self.words)}",
-                subject=self.keyword,
-            )
+            form, advice = " or ".join(("a file part", *self.words)), did_you_mean(text, self.words)
+            raise InputError(f"expected {form}, got {text[:60]!r}{advice}", subject=self.keyword)
         return text
 
     def read_path(self, text: str | Path) -> str | Path:

@@ -330,9 +330,8 @@ def _above_white(y: np.ndarray) -> np.ndarray:
 
 def _apart(one: np.ndarray, other: np.ndarray) -> float:
     """Return the root mean square difference of ln(L + OFFSET) over sphere and channels, of two y [H, 2H, 3]."""
-    difference = (np.minimum(one, WHITE) + np.log1p(_above_white(one))) - (
-        np.minimum(other, WHITE) + np.log1p(_above_white(other))
-    )
+    first, second = (np.minimum(y, WHITE) + np.log1p(_above_white(y)) for y in (one, other))
+    difference = first - second
     weights = pixel_solid_angles(difference.shape[0])[:, 0].astype(np.float64)
     rows = np.square(difference, dtype=np.float64).mean(axis=(1, 2))
     return float(np.sqrt(rows @ weights / weights.sum()))

@@ -97,7 +97,7 @@ def look_at_given(mask: np.ndarray) -> tuple[np.ndarray, list[str]]:
         lines.append(Notice(text, code="mask-outline"))
     x0, y0, x1, y1 = object_box(mask)
     if max(x1 - x0, y1 - y0) < FEW_PX:
-        text = f"the object has only {x1 - x0} x {y1 - y0} pixels in its mask; use a larger photo or go closer"
+        text = f"the object is only {x1 - x0} x {y1 - y0} pixels in its mask; use a larger photo or go closer"
         lines.append(Notice(text, code="object-small"))
     return mask, lines
 

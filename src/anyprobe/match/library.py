@@ -91,10 +91,8 @@ def open_library(folder: str | Path) -> Library:
         with suppress(OutputError), atomic_path(kept_in) as temporary:
             np.savez_compressed(temporary, stamps=stamps, lights=np.stack(lights), levels=levels)
     stems = [path.relative_to(folder).with_suffix("").as_posix() for path in files]
-    names = {
-        path: stem if stems.count(stem) == 1 else path.relative_to(folder).as_posix()
-        for path, stem in zip(files, stems, strict=True)
-    }
+    named = zip(files, stems, strict=True)
+    names = {p: stem if stems.count(stem) == 1 else p.relative_to(folder).as_posix() for p, stem in named}
     return Library(
         folder=folder,
         names=tuple(names[path] for path in found),

@@ -119,14 +119,9 @@ def shown_by(
     chosen = np.random.default_rng(0).permutation(len(rows))[:FINE_PIXELS]
     rows, columns = rows[chosen], columns[chosen]
     display = small[rows, columns, :3] / small[rows, columns, 3:]
-    turn = camera_from_crop.T
-    return Shown(
-        radiance=inverse_response(display),
-        clipped=display.max(axis=-1) >= CLIPPED,
-        n=n[rows, columns] @ turn,
-        wo=wo[rows, columns] @ turn,
-        behind=behind,
-    )
+    n, wo = (directions[rows, columns] @ camera_from_crop.T for directions in (n, wo))
+    clipped = display.max(axis=-1) >= CLIPPED
+    return Shown(radiance=inverse_response(display), clipped=clipped, n=n, wo=wo, behind=behind)
 
 
 def shown_under(radiance: np.ndarray) -> Shown:

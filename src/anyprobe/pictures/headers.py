@@ -147,9 +147,8 @@ def exif_exposure(image: Image.Image) -> float | None:
     exif = _exif(image, ExifTags.IFD.Exif)
     tags = (ExifTags.Base.ExposureTime, ExifTags.Base.ISOSpeedRatings, ExifTags.Base.FNumber)
     try:
-        seconds, iso, f_number = (
-            float(value[0] if isinstance(value, tuple) else value) for value in map(exif.get, tags)
-        )
+        values = (value[0] if isinstance(value, tuple) else value for value in map(exif.get, tags))
+        seconds, iso, f_number = map(float, values)
         exposure = seconds * iso / f_number**2
     except (TypeError, ValueError, ZeroDivisionError, OverflowError, IndexError):
         return None

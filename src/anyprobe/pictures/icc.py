@@ -68,10 +68,8 @@ def converted(image: Image.Image, profile: bytes) -> Image.Image:
     """
     try:
         embedded = ImageCms.ImageCmsProfile(io.BytesIO(profile))
-        intent = ImageCms.Intent.RELATIVE_COLORIMETRIC
-        done = ImageCms.profileToProfile(
-            image, embedded, ImageCms.createProfile("sRGB"), renderingIntent=intent, outputMode="RGB"
-        )
+        srgb, intent = ImageCms.createProfile("sRGB"), ImageCms.Intent.RELATIVE_COLORIMETRIC
+        done = ImageCms.profileToProfile(image, embedded, srgb, renderingIntent=intent, outputMode="RGB")
     except (ImageCms.PyCMSError, OSError, ValueError) as error:
         raise ValueError(" ".join(str(error).split())) from error
     assert done is not None
@@ -99,9 +97,8 @@ def _curve(tag: bytes) -> Curve:
     if tag[:4] == b"para":
         (kind,) = struct.unpack_from(">H", tag, 8)
         names = PARAMETRIC[kind]
-        return _parametric(
-            dict(zip(names, np.array(struct.unpack_from(f">{len(names)}i", tag, 12)) / 65536.0, strict=True))
-        )
+        values = np.array(struct.unpack_from(f">{len(names)}i", tag, 12)) / 65536.0
+        return _parametric(dict(zip(names, values, strict=True)))
     if tag[:4] != b"curv":
         raise ValueError("no curve")
     (count,) = struct.unpack_from(">I", tag, 8)

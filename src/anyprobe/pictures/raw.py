@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from PIL.TiffImagePlugin import ImageFileDirectory_v2
@@ -86,14 +87,8 @@ def develop(data: bytes, name: str) -> tuple[np.ndarray, tuple[str, ...]]:
             balanced = all(np.isfinite(gain) and gain > 0 for gain in raw.camera_whitebalance[:3])
             if not balanced:
                 notes = ("expected a RAW photo with the camera's white balance, found none; daylight is assumed",)
-            values = raw.postprocess(
-                gamma=(1, 1),
-                no_auto_bright=True,
-                adjust_maximum_thr=0.0,
-                use_camera_wb=balanced,
-                output_bps=16,
-                output_color=rawpy.ColorSpace.sRGB,
-            )
+            form: dict[str, Any] = {"gamma": (1, 1), "output_bps": 16, "output_color": rawpy.ColorSpace.sRGB}
+            values = raw.postprocess(no_auto_bright=True, adjust_maximum_thr=0.0, use_camera_wb=balanced, **form)
     except InvalidPhoto:
         raise
     except Exception as error:  # LibRaw's errors, and whatever the bad bytes lead it to

@@ -84,11 +84,8 @@ def _gain_xmp(stops: float) -> bytes:
 
 def _container_xmp(length: int) -> bytes:
     items = (("Primary", ""), ("GainMap", f' Item:Length="{length}"'))
-    listed = "".join(
-        f'<rdf:li rdf:parseType="Resource"><Container:Item Item:Semantic="{name}" Item:Mime="image/jpeg"{more}/>'
-        "</rdf:li>"
-        for name, more in items
-    )
+    kinds = (f'Item:Semantic="{name}" Item:Mime="image/jpeg"{more}' for name, more in items)
+    listed = "".join(f'<rdf:li rdf:parseType="Resource"><Container:Item {kind}/></rdf:li>' for kind in kinds)
     directory = f"<Container:Directory><rdf:Seq>{listed}</rdf:Seq></Container:Directory>"
     return _xmp('hdrgm:Version="1.0"', directory)
 

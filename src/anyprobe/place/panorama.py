@@ -90,9 +90,8 @@ class Panorama:
 
     def __repr__(self) -> str:
         frame = "level" if self.is_level else "in the light's frame"
-        seen, estimated, continued = (self.origin * pixel_solid_angles(len(self.origin))[..., None]).sum((0, 1)) / (
-            4 * np.pi
-        )
+        weights = pixel_solid_angles(len(self.origin))[..., None] / (4 * np.pi)
+        seen, estimated, continued = (self.origin * weights).sum((0, 1))
         parts = [
             "Panorama {} x {}".format(*self.radiance.shape),
             frame,

@@ -83,9 +83,8 @@ def _seen_of_object(photo: Photo) -> np.ndarray:
 
 def _candidates(sphere, mean: np.ndarray, alpha: float):
     """Yield a dielectric and, unless it would hardly reflect, a metal with the mean colour [3]."""
-    specular, grazing, diffuse = (
-        np.maximum(part.mean(axis=0), 1e-6) for part in (sphere.specular, sphere.grazing, sphere.diffuse)
-    )
+    parts = (sphere.specular, sphere.grazing, sphere.diffuse)
+    specular, grazing, diffuse = (np.maximum(part.mean(axis=0), 1e-6) for part in parts)
     coat = DIELECTRIC_F0 * specular + (1 - DIELECTRIC_F0) * grazing
     albedo = (mean - coat) / ((1 - DIELECTRIC_F0) * diffuse)
     yield Material(albedo=np.clip(albedo, 0.01, 0.95), f0=np.full(3, DIELECTRIC_F0), alpha=alpha)

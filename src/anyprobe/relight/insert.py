@@ -58,10 +58,8 @@ class ObjectWindow:
 
     def part(self, height: int, width: int) -> Part:
         """Return the slices of a photo of this size that show it."""
-        return (
-            slice(max(self.top, 0), min(self.top + self.size, height)),
-            slice(max(self.left, 0), min(self.left + self.size, width)),
-        )
+        bottom, right = self.top + self.size, self.left + self.size
+        return slice(max(self.top, 0), min(bottom, height)), slice(max(self.left, 0), min(right, width))
 
 
 def window_of(placement: Placement, view: View) -> ObjectWindow | None:
@@ -128,9 +126,8 @@ def transmittance(view: View, shadow: GroundShadow, part: Part) -> np.ndarray:
 
 def within(part: Part, outer: Part) -> Part:
     """Convert rows and columns of the photo to those of a part of it."""
-    rows, columns = (
-        slice(side.start - whole.start, side.stop - whole.start) for side, whole in zip(part, outer, strict=True)
-    )
+    sides = zip(part, outer, strict=True)
+    rows, columns = (slice(side.start - whole.start, side.stop - whole.start) for side, whole in sides)
     return rows, columns
 
 

@@ -199,9 +199,8 @@ class Surroundings:
         u, each = hammersley(LOBE_RAYS), LOBE_RAYS // side**2
         wi, (pdf, weight, grazing) = np.empty((3, len(n), each)), np.empty((3, len(n), each))
         for k, some in enumerate(points.interleaved(side)):
-            wi[:, some], pdf[some], weight[some], grazing[some], _ = lobe_samples(
-                n[some], wo[some], alpha, u[k :: side**2]
-            )
+            lobe = lobe_samples(n[some], wo[some], alpha, u[k :: side**2])
+            wi[:, some], pdf[some], weight[some], grazing[some], _ = lobe
         rays, starts = np.moveaxis(wi, 0, -1).reshape(-1, 3), np.repeat(self.off(points), each, axis=0)
         of_map = _looked_up(pyramid, rays, lobe_lod(pdf, LOBE_RAYS, pyramid).ravel())
         more = np.zeros_like(of_map)

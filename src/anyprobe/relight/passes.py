@@ -52,11 +52,8 @@ class Passes:
         light = convert(self.object[..., :3])
         premultiplied = np.concatenate([light, self.object[..., 3:]], axis=-1)
         composed = replace(self, plate=plate, shadow=factor, object=premultiplied).composed()
-        found = {
-            "A": np.ones(plate.shape[:2], np.float32),
-            "object.A": self.object[..., 3],
-            "occlusion.Y": self.occlusion,
-        }
+        opaque = np.ones(plate.shape[:2], np.float32)
+        found = {"A": opaque, "object.A": self.object[..., 3], "occlusion.Y": self.occlusion}
         for k, name in enumerate("RGB"):
             found[name] = composed[..., k]
             found |= {f"plate.{name}": plate[..., k], f"object.{name}": light[..., k], f"shadow.{name}": factor[..., k]}
@@ -78,12 +75,8 @@ def passes_of(stage: Stage, radiance: np.ndarray, material: str | Material) -> P
     premultiplied[shown] = np.concatenate([drawn[..., :3] * coverage, coverage], axis=-1)
     even_light = np.ones((EVEN_ROWS, 2 * EVEN_ROWS, 3), np.float32)
     even = GroundShadow(spot.mesh, spot.foot, spot.radius, stage.view.up, even_light)
-    return Passes(
-        plate=photo.linear(...).astype(np.float32),
-        shadow=_multiplier(stage, shadow),
-        occlusion=_multiplier(stage, even)[..., 0],
-        object=premultiplied,
-    )
+    plate, occlusion = photo.linear(...).astype(np.float32), _multiplier(stage, even)[..., 0]
+    return Passes(plate=plate, shadow=_multiplier(stage, shadow), occlusion=occlusion, object=premultiplied)
 
 
 def _multiplier(stage: Stage, shadow: GroundShadow) -> np.ndarray:

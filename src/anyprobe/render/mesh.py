@@ -88,9 +88,8 @@ def corner_normals(
     face_normals = face_normals / np.maximum(length, 1e-20)  # a sliver has no normal: no 0/0
     to_next = np.roll(corners, -1, axis=1) - corners
     to_last = np.roll(corners, 1, axis=1) - corners
-    cosine = (to_next * to_last).sum(axis=2) / np.maximum(
-        np.linalg.norm(to_next, axis=2) * np.linalg.norm(to_last, axis=2), 1e-20
-    )
+    lengths = np.linalg.norm(to_next, axis=2) * np.linalg.norm(to_last, axis=2)
+    cosine = (to_next * to_last).sum(axis=2) / np.maximum(lengths, 1e-20)
     angles = np.arccos(np.clip(cosine, -1.0, 1.0)).reshape(-1)
 
     corner_vertex = faces.reshape(-1)

@@ -63,9 +63,8 @@ def silver(radiance: Float[np.ndarray, "H 2*H 3"], size: int = SPHERE_SIZE) -> F
     normals, _ = sphere_normals(size)
     # a larger map would be read at points, and a sun between them lost
     pyramid = shading_pyramid(reduced(radiance), SILVER_ALPHA)
-    _, s1, ss = shade_specular(
-        pyramid, normals, np.broadcast_to(WO, normals.shape), SILVER_ALPHA, hammersley(NUM_SAMPLES)
-    )
+    wo = np.broadcast_to(WO, normals.shape)
+    _, s1, ss = shade_specular(pyramid, normals, wo, SILVER_ALPHA, hammersley(NUM_SAMPLES))
     return _picture(SILVER_F0 * s1 + (1 - SILVER_F0) * ss, size)
 
 

@@ -97,13 +97,8 @@ def see(mesh: Mesh, camera: Camera) -> Surface:
     """
     size = camera.size
     projected = _project(mesh.positions, camera.world_from_camera, camera.position)
-    screen = np.stack(
-        [
-            ((projected[:, 0] - camera.center[0]) / camera.tan_half + 1) * size / 2,
-            (1 - (projected[:, 1] - camera.center[1]) / camera.tan_half) * size / 2,
-        ],
-        axis=-1,
-    )
+    x, y = ((projected[:, i] - camera.center[i]) / camera.tan_half for i in (0, 1))
+    screen = np.stack([(x + 1) * size / 2, (1 - y) * size / 2], axis=-1)
     triangle, weights, pixel = cover(screen[mesh.faces], size)
     inverse_depth = projected[:, 2][mesh.faces[triangle]]
     weights = weights * inverse_depth

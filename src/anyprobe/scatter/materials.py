@@ -85,11 +85,8 @@ def material_named(name: str, *also: str) -> Material:
     advice = did_you_mean(key, [*MATERIALS, *also]) or "; `anyprobe materials` lists them"
     if not SEE_THROUGH.isdisjoint(key.split("-")):
         advice = "; materials that light passes through are left out"
-    raise InputError(
-        f"expected one of {', '.join([*PRESETS, *also])} or of {len(MEASURED)} measured ones, "
-        f"got {str(name)[:60]!r}{advice}",
-        subject="material",
-    )
+    named = f"expected one of {', '.join([*PRESETS, *also])} or of {len(MEASURED)} measured ones"
+    raise InputError(f"{named}, got {str(name)[:60]!r}{advice}", subject="material")
 
 
 def alpha_from_roughness(roughness: float) -> float:

@@ -102,10 +102,8 @@ def create_app(
     if token:
         app.add_middleware(TokenOnly, token=token)
     if origins:  # outside the token's door: browsers ask without a token whether they may send one
-        headers = ["Authorization", "Content-Type"]
-        app.add_middleware(
-            CORSMiddleware, allow_origins=list(origins), allow_methods=["GET", "POST"], allow_headers=headers
-        )
+        allowed = {"allow_methods": ["GET", "POST"], "allow_headers": ["Authorization", "Content-Type"]}
+        app.add_middleware(CORSMiddleware, allow_origins=list(origins), **allowed)
     app.add_middleware(TrustedHostMiddleware, allowed_hosts=list(hosts), www_redirect=False)
     app.add_middleware(GZipMiddleware, minimum_size=1024, compresslevel=5)
     app.add_middleware(SecureHeaders)
@@ -140,13 +138,8 @@ def _add_state(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerP
 
     @app.get("/healthz", summary="Is the server up, and how busy is it?", tags=["server"], responses=_answers())
     async def healthz() -> dict[str, Any]:
-        return {
-            "status": "ok",
-            "version": __version__,
-            "model": estimator.model_id,
-            "taken": pool.taken,
-            "places": limits.places,
-        }
+        state = {"status": "ok", "version": __version__, "model": estimator.model_id}
+        return {**state, "taken": pool.taken, "places": limits.places}
 
     starting: dict[int | str, dict[str, Any]] = {503: {"description": "starting, or all places are taken"}}
 

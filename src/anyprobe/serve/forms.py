@@ -56,11 +56,9 @@ def _hint_type(hint: Hint, several: bool) -> Any:
 
 def _hint_fields(*about: str, several: tuple[str, ...] = ()) -> dict[str, Any]:
     """Return the fields of the hints on these subjects; several: those of which each photo may have its own."""
-    chosen = [hint for hint in HINTS.values() if hint.about in about]
-    return {
-        hint.name: (_hint_type(hint, hint.name in several) | None, Field(None, description=hint.help))
-        for hint in chosen
-    }
+    chosen = {hint.name: hint for hint in HINTS.values() if hint.about in about}
+    kinds = {name: _hint_type(hint, name in several) | None for name, hint in chosen.items()}
+    return {name: (kinds[name], Field(None, description=hint.help)) for name, hint in chosen.items()}
 
 
 _Photos = Annotated[

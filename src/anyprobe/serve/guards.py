@@ -183,19 +183,16 @@ class Metrics:
         self._prometheus = prometheus
         self._registry = prometheus.CollectorRegistry()
         in_registry: dict[str, Any] = {"registry": self._registry}
-        self._requests = prometheus.Counter(
-            "anyprobe_requests", "Answered requests.", ["route", "status"], **in_registry
-        )
+        requests = ("anyprobe_requests", "Answered requests.", ["route", "status"])
+        self._requests = prometheus.Counter(*requests, **in_registry)
         self._seconds = prometheus.Histogram(
             "anyprobe_request_seconds", "From head to last byte.", ["route"], buckets=SECONDS, **in_registry
         )
-        prometheus.Gauge(
-            "anyprobe_places_taken", "Requests that hold a place in the queue.", **in_registry
-        ).set_function(lambda: pool.taken)
+        taken = prometheus.Gauge("anyprobe_places_taken", "Requests that hold a place in the queue.", **in_registry)
+        taken.set_function(lambda: pool.taken)
         prometheus.Gauge("anyprobe_places", "Places of the queue, those at work included.", **in_registry).set(places)
-        prometheus.Gauge("anyprobe_ready", "1 where a photo would be taken now.", **in_registry).set_function(
-            lambda: not pool.unready()
-        )
+        ready = prometheus.Gauge("anyprobe_ready", "1 where a photo would be taken now.", **in_registry)
+        ready.set_function(lambda: not pool.unready())
         prometheus.ProcessCollector(**in_registry)
 
     def count(self, scope: Scope, status: int, seconds: float) -> None:

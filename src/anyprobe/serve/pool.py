@@ -49,22 +49,15 @@ class WorkerPool:
     def __init__(self, limits: Limits) -> None:
         self._limits = limits
         self._threads = ThreadPoolExecutor(limits.workers, thread_name_prefix="anyprobe")
-        self._lanes = {
-            "quick": self._lane(limits.workers, niceness=0),
-            "slow": self._lane(max(1, limits.workers // 2), niceness=5),
-        }
+        quick, slow = self._lane(limits.workers, niceness=0), self._lane(max(1, limits.workers // 2), niceness=5)
+        self._lanes = {"quick": quick, "slow": slow}
         self._warming: list[Future[None]] = []
         self.taken = 0
         """Requests that hold a place now."""
 
     def _lane(self, workers: int, niceness: int) -> ProcessPool:
-        return ProcessPool(
-            max_workers=workers,
-            max_tasks=MAX_CALLS,
-            initializer=_begin,
-            initargs=(self._limits.decode_mb, niceness),
-            context=multiprocessing.get_context("spawn"),
-        )
+        context, given = multiprocessing.get_context("spawn"), (self._limits.decode_mb, niceness)
+        return ProcessPool(workers, MAX_CALLS, initializer=_begin, initargs=given, context=context)
 
     @property
     def is_full(self) -> bool:

@@ -18,6 +18,7 @@ error that registration expects of itself, at most NARROW_MOST pixels: its edge 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from PIL import Image
@@ -78,13 +79,8 @@ def found_in(held: Held, rgb: np.ndarray) -> Registered:
 def follow(held: Held, rgb: np.ndarray, found: Registered) -> Held:
     """Return the state after one more frame, in which the object was surely `found`."""
     usual = float(np.median(held.unlike)) if held.unlike else 1.0 - found.alike
-    now = replace(
-        held,
-        motion=found.motion,
-        error_px=found.error_px,
-        unlike=(*held.unlike, 1.0 - found.alike)[-REMEMBERED:],
-        looks_same=_is_like(1.0 - found.alike, usual),
-    )
+    unlike, looks_same = (*held.unlike, 1.0 - found.alike)[-REMEMBERED:], _is_like(1.0 - found.alike, usual)
+    now = replace(held, motion=found.motion, error_px=found.error_px, unlike=unlike, looks_same=looks_same)
     if found.alike >= FADED:
         return now
     newer = hold(rgb, mask_in(now, rgb.shape))
@@ -133,10 +129,8 @@ def narrowed(cover: np.ndarray, pixels: float) -> np.ndarray:
     """
     cv2, whole = opencv(), int(pixels)
     cross = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
-    larger, smaller = (
-        cv2.erode(cover, cross, iterations=count, borderType=cv2.BORDER_CONSTANT, borderValue=0)
-        for count in (whole, whole + 1)
-    )
+    erode = partial(cv2.erode, cover, cross, borderType=cv2.BORDER_CONSTANT, borderValue=0)
+    larger, smaller = (erode(iterations=count) for count in (whole, whole + 1))
     return larger + np.float32(pixels - whole) * (smaller - larger)
 
 

@@ -54,9 +54,8 @@ def beside_frame(
     width, height = (max(1, round(n * scale)) for n in (rgb.shape[1], rgb.shape[0]))
     picture = np.zeros((HEIGHT, 2 * WIDTH, 3), np.uint8)
     left, top = (WIDTH - width) // 2, (HEIGHT - height) // 2
-    small = Image.fromarray(rgb).resize(
-        (width, height), Image.Resampling.BOX if scale < 1 else Image.Resampling.BILINEAR
-    )
+    kernel = Image.Resampling.BOX if scale < 1 else Image.Resampling.BILINEAR
+    small = Image.fromarray(rgb).resize((width, height), kernel)
     picture[top : top + height, left : left + width] = np.asarray(small)
     picture[:, WIDTH:] = light
     return picture

@@ -208,9 +208,8 @@ def _shrunk(picture: np.ndarray, step: float) -> np.ndarray:
     cv2 = opencv()
     height, width = picture.shape
     rows, columns = int(np.ceil(height / step)), int(np.ceil(width / step))
-    whole = cv2.copyMakeBorder(
-        picture, 0, int(np.ceil(rows * step)) - height, 0, int(np.ceil(columns * step)) - width, cv2.BORDER_REPLICATE
-    )
+    below, beside = int(np.ceil(rows * step)) - height, int(np.ceil(columns * step)) - width
+    whole = cv2.copyMakeBorder(picture, 0, below, 0, beside, cv2.BORDER_REPLICATE)
     scale = np.array([[step, 0.0, step / 2.0 - 0.5], [0.0, step, step / 2.0 - 0.5]])
     blurred = cv2.GaussianBlur(whole, (0, 0), 0.4 * step)
     return cv2.warpAffine(blurred, scale, (columns, rows), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP)
