@@ -107,11 +107,8 @@ class Window(NamedTuple):
     def cells(self, points: Iterable[Point]) -> list[tuple[int, int]]:
         """Return column and row of the cells of those points that lie inside the window."""
         width, height = self.size
-        found = (
-            (int(np.floor((x - self.x0) * GRID / width)), int(np.floor((y - self.y0) * GRID / height)))
-            for x, y in points
-        )
-        return [(x, y) for x, y in found if 0 <= x < GRID and 0 <= y < GRID]
+        places = (((x - self.x0) * GRID / width, (y - self.y0) * GRID / height) for x, y in points)
+        return [(int(x), int(y)) for x, y in places if 0 <= x < GRID and 0 <= y < GRID]
 
     def box_of(self, part: np.ndarray) -> Box:
         """Return the box of a part [GRID, GRID], which must not be empty, in pixels of the photo."""
@@ -247,9 +244,8 @@ def choose(window: Window, cover: np.ndarray, prompts: Prompts) -> Finding | Non
     labels, sizes = label_parts(cover > INSIDE)
     weights = np.bincount(labels.ravel(), weights=cover.ravel(), minlength=len(sizes))
     weights[0] = 0.0
-    on, off = (
-        {int(labels[row, column]) for column, row in window.cells(points)} - {0} for points in (prompts.on, prompts.off)
-    )
+    clicked = (window.cells(points) for points in (prompts.on, prompts.off))
+    on, off = ({int(labels[row, column]) for column, row in cells} - {0} for cells in clicked)
     if prompts.on:
         chosen = on if not on & off else set()
     else:
@@ -274,10 +270,8 @@ def look_closer(looks: Looks, found: Finding, prompts: Prompts, known: Sequence[
         if second is not None:
             break
     cells = _cells_of(window, found.window)
-    before, kept = (
-        resample(values.astype(np.float32), (GRID, GRID), smooth=True, box=cells)
-        for values in (found.cover, found.part)
-    )
+    both = (values.astype(np.float32) for values in (found.cover, found.part))
+    before, kept = (resample(values, (GRID, GRID), smooth=True, box=cells) for values in both)
     first = Finding(window=window, cover=before, part=kept > INSIDE)
     agreed = 0.0 if second is None else iou(first.part, second.part)
     last = choose(window, (before + again) / 2, prompts) or first
@@ -324,10 +318,8 @@ def _cut(rgb: np.ndarray, window: Window, cover: np.ndarray, prompts: Prompts) -
     colors = _colors(rgb, window, grid)
     part = resample(uncut.part.astype(np.float32), (grid, grid), smooth=True) > INSIDE
     shrink = grid / GRID
-    on, off = (
-        [(int(column * shrink), int(row * shrink)) for column, row in window.cells(points)]
-        for points in (prompts.on, prompts.off)
-    )
+    clicked = (window.cells(points) for points in (prompts.on, prompts.off))
+    on, off = ([(int(column * shrink), int(row * shrink)) for column, row in cells] for cells in clicked)
     if not on:
         rows, columns = np.nonzero(part)
         away = np.min([np.hypot(columns - column, rows - row) for column, row in off], axis=0)
@@ -360,12 +352,9 @@ def _distance(colors: np.ndarray, part: np.ndarray, seeds: Sequence[tuple[int, i
 def _cells_of(window: Window, outer: Window) -> Box:
     """Return a window's box in the cells of one that contains it."""
     width, height = outer.size
-    return (
-        (window.x0 - outer.x0) * GRID / width,
-        (window.y0 - outer.y0) * GRID / height,
-        (window.x1 - outer.x0) * GRID / width,
-        (window.y1 - outer.y0) * GRID / height,
-    )
+    left, right = ((x - outer.x0) * GRID / width for x in (window.x0, window.x1))
+    top, bottom = ((y - outer.y0) * GRID / height for y in (window.y0, window.y1))
+    return left, top, right, bottom
 
 
 def iou(a: np.ndarray, b: np.ndarray) -> float:
