@@ -7,6 +7,8 @@ import { askServer } from "./server.js";
 /** Files that come with the page. */
 export const fetchExample = (path) => askServer(path, { does: "has the examples", advice: "start it again, or choose a photo" });
 
+const readPicture = async (path) => readSource(await (await fetchExample(path)).blob());
+
 export async function readExample() {
   const [picture, maskPicture, answer] = await Promise.all([
     readPicture("example/photo.png"),
@@ -24,10 +26,6 @@ export async function readExample() {
     ground: answer.ground && { pitchDeg: answer.ground.pitch_deg, rollDeg: answer.ground.roll_deg },
   });
   return { picture, mask, longFovDeg: answer.long_fov_deg, result: { light } };
-}
-
-async function readPicture(path) {
-  return readSource(await (await fetchExample(path)).blob());
 }
 
 /** {shape, dtype: float32, base64} to numbers. */

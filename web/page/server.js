@@ -10,12 +10,9 @@ import { problemLine } from "./words.js";
  *   that says that it does not answer
  */
 export async function askServer(path, { does, advice = "start anyprobe serve again", ...given }) {
-  let answer;
-  try {
-    answer = await fetch(new URL(path, document.baseURI), given);
-  } catch {
+  const answer = await fetch(new URL(path, document.baseURI), given).catch(() => {
     throw new Error(`the server that ${does} does not answer; ${advice}`);
-  }
+  });
   if (!answer.ok) throw new Error(problemLine(await answer.json().catch(() => ({ detail: `the server answers ${answer.status}` }))));
   return answer;
 }

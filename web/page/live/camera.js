@@ -5,10 +5,9 @@ export async function openCamera() {
   if (!navigator.mediaDevices) {
     throw new Error("Browsers give a camera to https pages and to localhost only. Start: anyprobe serve --https");
   }
+  const video = { facingMode: "environment", width: { ideal: 1280 }, height: { ideal: 720 } };
   try {
-    return await navigator.mediaDevices.getUserMedia({
-      video: { facingMode: "environment", width: { ideal: 1280 }, height: { ideal: 720 } },
-    });
+    return await navigator.mediaDevices.getUserMedia({ video });
   } catch (error) {
     const reasons = {
       NotAllowedError: "The camera was not allowed. Allow it beside the address, and try again.",

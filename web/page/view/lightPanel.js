@@ -40,14 +40,13 @@ export class LightPanel {
     Object.assign(this, { result, about, shaded: shadeSpheres(result.light.radiance) });
     this.#drawMap();
     this.#drawSpheres();
-    const { ground, dominant: { direction, irradiance, errorDeg } } = result.light;
+    const { ground, uncertainty, dominant: { direction, irradiance, errorDeg } } = result.light;
     const marker = element("marker");
     marker.hidden = Math.max(...irradiance) === 0;
     Object.assign(marker.style, placeOnMap(direction));
     const error = `±\u00a0${Math.round(errorDeg)}°`;
     const isSoft = result.light.isSoft && !marker.hidden;
     element("direction").textContent = isSoft ? `soft, brightest from ${brightestSide(result.light)}` : marker.hidden ? "none stands out" : `${describeDirection(direction, ground)} ${error}`;
-    const { uncertainty } = result.light;
     element("brightness").textContent = uncertainty ? `, brightness ± ${uncertainty.levelStops.toFixed(1)} stops` : "";
     this.#setReady(true);
   }
@@ -103,8 +102,7 @@ export class LightPanel {
   }
 
   #addButton(text, make, suffix, title = "") {
-    const button = Object.assign(document.createElement("button"), { type: "button", textContent: text, title });
-    button.disabled = true;
+    const button = Object.assign(document.createElement("button"), { type: "button", textContent: text, title, disabled: true });
     button.setAttribute("aria-label", `Download the map as ${text}`);
     button.addEventListener("click", () => this.#save(make, suffix));
     element("downloads").append(button);
