@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from anyprobe.errors import AnyprobeError, InputError, MissingExtra, OutputError
+from anyprobe.errors import AnyprobeError, InputError, InvalidPhoto, MissingExtra, OutputError
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.paths import absence_of
 from anyprobe.video.frame_pixels import shown_pixels
@@ -54,6 +54,9 @@ class Frame:
     index: in decoding order, from 0. time_s: since the first. rgb: [H, W, 3] uint8, upright, square pixels, sRGB.
     radiance: [H, W, 3] float32 of PQ and HLG, see frame_pixels.shown_pixels. alpha: [H, W] float32 in [0, 1]; None
     where all is opaque. note: a line about the size of the first frame of another.
+
+    Raises:
+        InvalidPhoto: pixels of another shape or type.
     """
 
     index: int
@@ -62,6 +65,13 @@ class Frame:
     radiance: np.ndarray | None = None
     alpha: np.ndarray | None = None
     note: str = ""
+
+    def __post_init__(self) -> None:
+        rgb = self.rgb
+        if not (isinstance(rgb, np.ndarray) and rgb.shape[2:] == (3,) and rgb.dtype == np.uint8):
+            found = f"{list(rgb.shape)} {rgb.dtype}" if isinstance(rgb, np.ndarray) else type(rgb).__name__
+            text = f"expected [H, W, 3] uint8, got {found}; convert it"
+            raise InvalidPhoto(text, source=f"frame {self.index}", subject="rgb")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
