@@ -1,19 +1,11 @@
-"""Left out (adjective): training assets that no shipped weights learn from, and pairs of them."""
+"""Left out (adjective): training assets that no shipped weights learn from."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 
 from anyprobe.errors import InputError
 from anyprobe_train.dataset.asset_store import AssetStore, load_asset_store
-from anyprobe_train.dataset.pair import Pair
-from anyprobe_train.dataset.recipe import balanced_recipes, world_recipes
-from research.kept_pairs import kept_pairs
-
-PAIRS = 240
-SEED = 78
-WORLD_PAIRS = 200
 
 
 def load_left_out(data: Path) -> AssetStore:
@@ -34,18 +26,3 @@ def load_left_out(data: Path) -> AssetStore:
             source=data,
         )
     return AssetStore(maps, shapes)
-
-
-def left_out_pairs(data: Path, kept: Path | None = None, conditions: int = 0) -> Iterable[Pair]:
-    """Pairs of the training assets that no shipped weights learn from; InputError where there are none.
-
-    conditions: 0 for clean photos, 1 as the world gives them.
-    """
-    store = load_left_out(data)
-    return kept_pairs(balanced_recipes(store, PAIRS, SEED, conditions), store, kept)
-
-
-def left_out_world_pairs(data: Path, kept: Path | None = None) -> Iterable[Pair]:
-    """The same under dataset.distributions, looked up rather than path-traced."""
-    store = load_left_out(data)
-    return kept_pairs(world_recipes(store, WORLD_PAIRS, SEED), store, kept)

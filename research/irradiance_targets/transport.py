@@ -16,14 +16,6 @@ GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
 TO_EYE = np.array([0.0, 0.0, 1.0], np.float32)
 
 
-def hemisphere(count: int) -> np.ndarray:
-    """Directions [count, 3] evenly over the hemisphere about +Z, a Fibonacci spiral."""
-    z = 1.0 - (np.arange(count) + 0.5) / count
-    phi = np.arange(count) * GOLDEN_ANGLE
-    radius = np.sqrt(1.0 - z * z)
-    return np.stack([radius * np.cos(phi), radius * np.sin(phi), z], axis=-1).astype(np.float32)
-
-
 def viewpoint(index: int, count: int) -> tuple[float, float]:
     """Yaw and elevation [radians] of one of count cameras evenly over the upper hemisphere."""
     return float(index * GOLDEN_ANGLE), float(np.arcsin((index + 0.5) / count))

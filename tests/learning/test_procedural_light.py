@@ -10,7 +10,6 @@ from anyprobe.core.latlong import direction_to_uv, pixel_directions, pixel_solid
 from anyprobe.light.environment import integral
 from anyprobe_train.dataset import room as rooms
 from anyprobe_train.dataset.asset_store import room, sky, studio
-from anyprobe_train.dataset.lighting import draw_variant
 from anyprobe_train.dataset.sky import (
     REC709_FROM_XYZ,
     clear_sky,
@@ -191,30 +190,3 @@ def test_lamps_of_a_studio_have_their_size():
     truth = 4 * np.arcsin(0.6 * 0.2 / np.sqrt((1 + 0.36) * (1 + 0.04)))
     np.testing.assert_allclose((box * weights).sum(), truth, rtol=0.02)
     np.testing.assert_allclose(direction_to_uv(direction_at(0.6, 0.3)), [0.5 + 0.3 / np.pi, 0.5 - 0.3 / np.pi])
-
-
-# Variants
-
-
-@pytest.fixture(scope="module")
-def maps():
-    rng = np.random.default_rng(1)
-    return [family(rng, height=64) for family in (sky, room, studio, room)]
-
-
-def no_old_map(radiance: np.ndarray, maps: list[np.ndarray]) -> bool:
-    """A turned or mirrored map has the same values in each row; colour left aside."""
-    rows = np.sort(luminance(radiance), axis=1)
-    return all(np.abs(rows - np.sort(luminance(old), axis=1)).max() > 0.02 for old in maps)
-
-
-def test_variants_are_new_light_of_mean_one(maps):
-    for seed in range(12):
-        radiance = draw_variant(np.random.default_rng(seed), maps)
-        assert radiance.shape == (64, 128, 3)
-        assert radiance.dtype == np.float32
-        assert np.isfinite(radiance).all()
-        assert radiance.min() >= 0
-        np.testing.assert_allclose(mean_luminance(radiance), 1.0, rtol=1e-4)
-        np.testing.assert_array_equal(radiance, draw_variant(np.random.default_rng(seed), maps))
-        assert no_old_map(radiance, maps)

@@ -23,10 +23,9 @@ from anyprobe.light.light_sources import BLUR_RADIUS, dilate, find_dominant_ligh
 from anyprobe.light.octahedral import Pyramid
 from anyprobe.render.integrate import shade_diffuse, shade_specular, shading_pyramid
 from anyprobe_train.dataset import distributions
-from anyprobe_train.dataset.catalog import normalize_map
 from anyprobe_train.dataset.distributions import draw_alpha
 from anyprobe_train.dataset.reflectance import reflectance_normals
-from anyprobe_train.dataset.sky import direction_at, soft_cap, tint
+from anyprobe_train.dataset.sky import soft_cap
 from anyprobe_train.dataset.surfaces import NUM_ELEVATIONS, draw_elevation
 
 INDUCTOR_OPTIONS: dict[str, Any] = {
@@ -118,39 +117,6 @@ def _upright_turn(old: np.ndarray, new: np.ndarray) -> np.ndarray:
 
     (a, e), (b, f) = angles(old), angles(new)
     return rotation_y(-b) @ rotation_x(f - e) @ rotation_y(a)
-
-
-def draw_variant(rng: np.random.Generator, maps: list[np.ndarray]) -> np.ndarray:
-    """Draw a new light made of one or two of the maps, which are of the same size; mean luminance 1."""
-
-    first, second = rng.choice(len(maps), 2, replace=len(maps) < 2)
-
-    def turned(radiance):
-        return turn(radiance, int(rng.integers(radiance.shape[1])), bool(rng.random() < 0.5))
-
-    def anywhere():
-        return direction_at(rng.uniform(0, 2 * np.pi), np.arcsin(rng.uniform(-0.2, 0.98)))
-
-    radiance = turned(maps[first])
-    steps = rng.random(4) < [0.5, 0.4, 0.4, 0.5]
-    if not steps[:3].any():  # white alone is the same light
-        steps[rng.integers(3)] = True
-    if steps[0]:
-        moved = move_dominant_light(radiance, anywhere())
-        steps[2] |= moved is radiance and not steps[1]  # no light to move: an added one makes it new
-        radiance = moved
-    if steps[1]:
-        radiance = blend_maps(radiance, turned(maps[second]), rng.uniform(0.15, 0.85))
-    if steps[2]:
-        mean = luminance(integral(radiance))
-        for _ in range(rng.integers(1, 4)):
-            radius = np.radians(np.exp(rng.uniform(np.log(1.5), np.log(30.0))))
-            radius = max(radius, 1.5 * np.pi / radiance.shape[0])
-            power = mean * np.exp(rng.uniform(np.log(0.05), np.log(1.0))) * tint(rng, 0.25)
-            radiance = add_lamp(radiance, anywhere(), radius, power, rng.uniform(0.1, 1.5))
-    if steps[3]:
-        radiance = radiance * tint(rng, 0.15)
-    return normalize_map(np.maximum(radiance, 0.0))
 
 
 SIZE = 128
