@@ -12,8 +12,11 @@ from anyprobe.notices import Notice, give
 MIN_OBJECT_PX = contract("mask")["least_object_px"]
 """Smallest longer side of the object's bounding box [px]."""
 
-FAINT = 0.1
-"""Value above which a mask without any above one half holds confidences, not labels."""
+IN_OBJECT: float = contract("mask")["inside"]
+"""Largest value of a mask's pixel that is not the object's."""
+
+MASK_BLACK, MASK_WHITE = contract("mask")["black"], contract("mask")["white"]
+"""Largest brightness of a mask's pixel that counts as 0, and smallest that counts as 1."""
 
 
 def check_mask(mask: np.ndarray, found_in: str = "") -> np.ndarray:
@@ -31,7 +34,7 @@ def check_mask(mask: np.ndarray, found_in: str = "") -> np.ndarray:
         raise InvalidMask(text, subject="mask")
     if not (mask > 0.5).any():
         text = f"expected white on the object, got an empty mask (at most {mask.max():.2f}); labels of 1 become 255"
-        if mask.max() > FAINT:
+        if mask.max() > MASK_BLACK:
             text = f"expected values above one half on the object, got none above {mask.max():.2f}; scale them"
         raise InvalidMask(text, code="no-object", subject="mask")
     x0, y0, x1, y1 = object_box(mask)
@@ -57,8 +60,8 @@ FULL: float = _GIVEN["full"]
 MOSTLY: float = _GIVEN["mostly"]
 """Share of the photo above which a mask covers nearly everything."""
 
-GREY, GREY_SHARE = _GIVEN["grey"], _GIVEN["grey_share"]
-"""Range of values that are neither black nor white, and largest ratio of such pixels to those above 0.5."""
+GREY_SHARE: float = _GIVEN["grey_share"]
+"""Largest ratio of the pixels that are neither black nor white to those above 0.5."""
 
 FEW_PX: int = _GIVEN["few_px"]
 """Longer side [px] below which an object is small for an estimate: the networks' input has 128 pixels."""
@@ -83,7 +86,7 @@ def look_at_given(mask: np.ndarray) -> tuple[np.ndarray, list[str]]:
     if inside.mean() > MOSTLY and border.mean() > FULL:
         text = f"the mask covers {inside.mean():.0%} of the photo and its borders; if it is inverted, invert it"
         lines.append(Notice(text, code="mask-inverted"))
-    grey = (mask > GREY[0]) & (mask < GREY[1])
+    grey = (mask > MASK_BLACK) & (mask < MASK_WHITE)
     if grey.sum() > GREY_SHARE * inside.sum():
         text = "the mask is grey over wide areas; give one that is white on the object and black elsewhere"
         lines.append(Notice(text, code="mask-grey"))

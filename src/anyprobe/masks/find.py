@@ -24,19 +24,9 @@ from anyprobe.pictures.images import Pixels
 
 RIGHT = "looks right"
 
-QUALITY = contract("mask")["quality"]
-
-DOUBTFUL = QUALITY["doubtful"]
-"""Expected IoU below which a mask gets a warning, chosen by `python -m research.masks.calibrate`."""
-
-CUT = QUALITY["cut"]
-"""How much Finding.cut lowers the expected IoU, chosen by the same."""
-
-FLAT = QUALITY["flat"]
-"""Finding.flat above which a mask is doubtful, chosen by the same."""
-
-REFUSED = QUALITY["refused"]
-"""Expected IoU below which a mask is refused."""
+DOUBTFUL, REFUSED, CUT, FLAT = (contract("mask")["quality"][name] for name in ("doubtful", "refused", "cut", "flat"))
+"""Expected IoU below which a mask gets a warning, and is refused; how much Finding.cut lowers it; and Finding.flat that
+makes a mask doubtful. All but the second are chosen by `python -m research.masks.calibrate`."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

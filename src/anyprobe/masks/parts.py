@@ -120,7 +120,7 @@ def keep_object(mask: np.ndarray) -> tuple[np.ndarray, int, bool]:
     while near := [one for one in waiting if _overhang(boxes[one], box) <= REACH * np.sqrt(sizes[one])]:
         kept.add(near[0])
         waiting.remove(near[0])
-        box = _union(box, boxes[near[0]])
+        box = np.r_[np.minimum(box, boxes[near[0]])[:2], np.maximum(box, boxes[near[0]])[2:]]
     belongs = np.isin(labels, list(kept))
     threads, lengths = label_parts(inside & ~body)
     touching = set(np.unique(threads[grow(belongs)]).tolist()) - {0}
@@ -165,7 +165,3 @@ def _boxes(labels: np.ndarray, count: int) -> np.ndarray:
 def _overhang(box: np.ndarray, of: np.ndarray) -> int:
     """Return the largest distance by which a box sticks out of another [px]."""
     return int(max(*(of[:2] - box[:2]), *(box[2:] - of[2:]), 0))
-
-
-def _union(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    return np.concatenate([np.minimum(one[:2], other[:2]), np.maximum(one[2:], other[2:])])

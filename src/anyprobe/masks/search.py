@@ -17,15 +17,14 @@ import numpy as np
 
 from anyprobe.core.contract import contract
 from anyprobe.core.resample import resample
-from anyprobe.masks.check import FEW_PX, object_box
-from anyprobe.masks.networks import Network
+from anyprobe.masks.check import FEW_PX, IN_OBJECT, object_box
+from anyprobe.masks.networks import U2NETP, Network
 from anyprobe.masks.parts import fill_holes, grow, label_parts
 from anyprobe.masks.prompts import Point
 
-INSIDE = contract("mask")["inside"]
 NUMBERS = contract("mask")["search"]
 
-GRID = NUMBERS["grid"]
+GRID: int = U2NETP["size"]
 
 MARGIN = NUMBERS["margin"]
 """Margin of a window around an object, as a share of the longer side of its box."""
@@ -42,7 +41,7 @@ EDGE_CELLS = NUMBERS["edge_cells"]
 """Width beside a part [cells] in which its soft edge may lie."""
 
 SPLIT = NUMBERS["split"]
-"""Settings for cutting a part on a coarser grid; a step there costs a constant plus the difference in colour."""
+"""Settings for cutting a part on a grid half as fine; a step there costs a constant plus the difference in colour."""
 
 BLANK = NUMBERS["blank"]
 """Smallest range of display values of a window that is searched."""
@@ -100,7 +99,7 @@ class Window(NamedTuple):
         return self.x0 <= box[0] and self.y0 <= box[1] and box[2] <= self.x1 and box[3] <= self.y1
 
     def shows(self, box: Box) -> bool:
-        """Return whether a look at this window holds a box, at FEW_PX cells or more."""
+        """Return whether a look at this window shows a box, across as many cells as an estimate wants of pixels."""
         width, height = self.size
         return self.holds(box) and GRID * max((box[2] - box[0]) / width, (box[3] - box[1]) / height) >= FEW_PX
 
@@ -211,7 +210,7 @@ def find_object(looks: Looks, prompts: Prompts) -> Finding | None:
 
 def _cut_off(found: Finding, cover: np.ndarray, box: Box) -> float:
     """Return Finding.cut of a finding by its window's cover beyond the box too."""
-    beyond = (cover > INSIDE) & ~found.window.inside(box)
+    beyond = (cover > IN_OBJECT) & ~found.window.inside(box)
     x0, y0, x1, y1 = object_box(found.part)
     return float((grow(found.part) & beyond).sum()) / (2 * (x1 - x0 + y1 - y0))
 
@@ -241,7 +240,7 @@ def choose(window: Window, cover: np.ndarray, prompts: Prompts) -> Finding | Non
 
     None where there is none, or where it holds a click beside the object and no other part is heavy enough.
     """
-    labels, sizes = label_parts(cover > INSIDE)
+    labels, sizes = label_parts(cover > IN_OBJECT)
     weights = np.bincount(labels.ravel(), weights=cover.ravel(), minlength=len(sizes))
     weights[0] = 0.0
     clicked = (window.cells(points) for points in (prompts.on, prompts.off))
@@ -272,7 +271,7 @@ def look_closer(looks: Looks, found: Finding, prompts: Prompts, known: Sequence[
     cells = _cells_of(window, found.window)
     both = (values.astype(np.float32) for values in (found.cover, found.part))
     before, kept = (resample(values, (GRID, GRID), smooth=True, box=cells) for values in both)
-    first = Finding(window=window, cover=before, part=kept > INSIDE)
+    first = Finding(window=window, cover=before, part=kept > IN_OBJECT)
     agreed = 0.0 if second is None else iou(first.part, second.part)
     last = choose(window, (before + again) / 2, prompts) or first
     return replace(last, agreed=agreed, cut=found.cut, flat=_flat_share(looks.rgb, window, last.part))
@@ -295,10 +294,8 @@ def _colors(rgb: np.ndarray, window: Window, grid: int) -> np.ndarray:
 
 def _around_clicks(looks: Looks, prompts: Prompts, known: Sequence[Look]) -> Finding | None:
     """Return the object in a known window that holds the clicks and does not cut it, else in one around them."""
-    columns, rows = zip(*prompts.on, strict=True)
-    clicked = min(columns), min(rows), max(columns), max(rows)
     squares = [(looks.photo.square(prompts.on, share * max(looks.photo.size)), False) for share in WINDOWS]
-    for look in [*(look for look in known if look[0].holds(clicked)), *squares]:
+    for look in [*(look for look in known if len(look[0].cells(prompts.on)) == len(prompts.on)), *squares]:
         found = choose(look[0], looks.at(look[0], prompts, look[1]), prompts)
         if found is not None and not (look in known and found.is_cut(looks.photo)):
             return found
@@ -314,9 +311,9 @@ def _cut(rgb: np.ndarray, window: Window, cover: np.ndarray, prompts: Prompts) -
     uncut = choose(window, cover, replace(prompts, off=()))
     if uncut is None:
         return None
-    grid = SPLIT["grid"]
+    grid = GRID // 2
     colors = _colors(rgb, window, grid)
-    part = resample(uncut.part.astype(np.float32), (grid, grid), smooth=True) > INSIDE
+    part = resample(uncut.part.astype(np.float32), (grid, grid), smooth=True) > IN_OBJECT
     shrink = grid / GRID
     clicked = (window.cells(points) for points in (prompts.on, prompts.off))
     on, off = ([(int(column * shrink), int(row * shrink)) for column, row in cells] for cells in clicked)
@@ -325,7 +322,7 @@ def _cut(rgb: np.ndarray, window: Window, cover: np.ndarray, prompts: Prompts) -
         away = np.min([np.hypot(columns - column, rows - row) for column, row in off], axis=0)
         on = [(int(columns[away.argmax()]), int(rows[away.argmax()]))]
     nearer = _distance(colors, part, on) < _distance(colors, part, off)
-    kept = (resample(nearer.astype(np.float32), (GRID, GRID), smooth=True) > INSIDE) & uncut.part
+    kept = (resample(nearer.astype(np.float32), (GRID, GRID), smooth=True) > IN_OBJECT) & uncut.part
     if not kept.any():
         return None
     return replace(uncut, part=kept, cover=np.where(uncut.part & ~kept, 0.0, uncut.cover))

@@ -11,11 +11,10 @@ import numpy as np
 from PIL import Image
 
 from anyprobe.core.color import to_bytes
-from anyprobe.core.contract import contract
 from anyprobe.errors import InvalidMask, InvalidPhoto
 from anyprobe.files.paths import open_regular
 from anyprobe.maps.exr import EXR_MAGIC, read_exr
-from anyprobe.masks.check import check_mask
+from anyprobe.masks.check import IN_OBJECT, MASK_BLACK, MASK_WHITE, check_mask
 from anyprobe.pictures.headers import MAX_PIXELS
 from anyprobe.pictures.images import read_image
 
@@ -23,20 +22,14 @@ MaskPicture = str | os.PathLike[str] | bytes | Image.Image | np.ndarray
 MaskFunction = Callable[[np.ndarray], np.ndarray]
 MaskSource = MaskPicture | MaskFunction
 
-CUT_AWAY = contract("mask")["alpha_cuts_at"]
-"""Largest alpha of a pixel that is not the object's."""
-
-BLACK, WHITE = contract("mask")["file"]["black"], contract("mask")["file"]["white"]
-"""Largest brightness in a mask file that counts as 0, and smallest that counts as 1."""
-
 
 def mask_from_alpha(alpha: np.ndarray | None, found_in: str = "") -> np.ndarray | None:
     """Return a picture's alpha channel [H, W] as the mask; None where it is absent or marks no object.
 
-    Alpha that is constant, or above CUT_AWAY everywhere, marks no object: renderers and editors write 0.9995, or 254 of
+    Alpha that is constant, or above one half everywhere, marks no object: renderers and editors write 0.9995, or 254 of
     255, into opaque pictures. found_in: see check_mask.
     """
-    if alpha is None or not alpha.min() <= CUT_AWAY or alpha.min() == alpha.max():
+    if alpha is None or not alpha.min() <= IN_OBJECT or alpha.min() == alpha.max():
         return None
     return check_mask(alpha, found_in)
 
@@ -85,8 +78,8 @@ def _read(source: MaskPicture) -> tuple[np.ndarray, np.ndarray | None, str]:
 def _brightness(rgb: np.ndarray) -> np.ndarray:
     """Return the brightness [H, W] of display values [H, W, 3], its outer tenths flattened, in place."""
     brightness = rgb.max(axis=-1)
-    brightness -= BLACK
-    brightness /= WHITE - BLACK
+    brightness -= MASK_BLACK
+    brightness /= MASK_WHITE - MASK_BLACK
     return np.clip(brightness, 0.0, 1.0, out=brightness)
 
 
@@ -122,14 +115,11 @@ def mask_from_function(segment: MaskFunction, rgb: np.ndarray) -> np.ndarray:
         rgb: [H, W, 3] display values in [0, 1].
     """
     answer = segment(to_bytes(rgb))
-    if not isinstance(answer, np.ndarray):
-        text = f"expected a function that returns an array [height, width], got {type(answer).__name__}; convert it"
+    if not isinstance(answer, np.ndarray) or answer.squeeze().ndim != 2:
+        got = f"shape {answer.shape}" if isinstance(answer, np.ndarray) else type(answer).__name__
+        text = f"expected a function that returns an array [height, width], got {got}; return one object's mask"
         raise InvalidMask(text, subject="mask")
-    answer = answer.squeeze()
-    if answer.ndim != 2:
-        text = f"expected a function that returns an array [height, width], got shape {answer.shape}; return one mask"
-        raise InvalidMask(text, subject="mask")
-    return mask_from_file(answer, rgb.shape[:2])
+    return mask_from_file(answer.squeeze(), rgb.shape[:2])
 
 
 def _is_mask_array(values: np.ndarray) -> bool:

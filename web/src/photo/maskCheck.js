@@ -6,7 +6,7 @@ import { give, notice } from "../notices.js";
 import { MIN_OBJECT_PX, isLarge, objectBox } from "./picture.js";
 import { keepObject } from "./specks.js";
 
-const { full: FULL, mostly: MOSTLY, grey: GREY, grey_share: GREY_SHARE, few_px: FEW_PX, alpha_most: ALPHA_MOST } = CONTRACT.mask.given;
+const { full: FULL, mostly: MOSTLY, grey_share: GREY_SHARE, few_px: FEW_PX, alpha_most: ALPHA_MOST } = CONTRACT.mask.given;
 
 const percent = (share) => `${(100 * share).toFixed(0)}%`;
 
@@ -41,7 +41,7 @@ export function lookAtGiven(mask, width) {
   let [inside, grey, border] = [0, 0, 0];
   for (let i = 0; i < mask.length; i++) {
     const [x, y] = [i % width, Math.floor(i / width)];
-    if (mask[i] > GREY[0] && mask[i] < GREY[1]) grey++;
+    if (mask[i] > CONTRACT.mask.black && mask[i] < CONTRACT.mask.white) grey++;
     if (!(mask[i] > 0.5)) continue;
     inside++;
     border += (x === 0) + (x === width - 1) + (y === 0) + (y === height - 1); // corners count twice

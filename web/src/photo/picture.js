@@ -40,9 +40,6 @@ export function objectBox(mask, width) {
   return y1 < 0 ? null : [x0, y0, x1 + 1, y1 + 1];
 }
 
-/** Alpha up to which a pixel does not belong to the object. */
-const CUT_AWAY = CONTRACT.mask.alpha_cuts_at;
-
 /**
  * The picture's own transparency as a mask, or null where it cuts nothing away: where it is the same or above one half
  * everywhere, as editors write it into opaque pictures.
@@ -56,5 +53,5 @@ export function maskFromAlpha({ rgba }) {
     if (alpha < least) least = alpha;
     if (alpha > most) most = alpha;
   }
-  return least / 255 <= CUT_AWAY && least < most ? mask : null;
+  return least / 255 <= CONTRACT.mask.inside && least < most ? mask : null;
 }

@@ -18,10 +18,8 @@ import { fillHoles, grow, labelParts } from "./parts.js";
 import { objectBox } from "./picture.js";
 import { resize } from "./resize.js";
 
-const { inside: INSIDE, search: NUMBERS } = CONTRACT.mask;
-const { grid: GRID, margin: MARGIN, edge_cells: EDGE_CELLS, split: SPLIT } = NUMBERS;
-/** Cells that the longer side of an object must have in a look for it to be enough. */
-const FEW_CELLS = CONTRACT.mask.given.few_px;
+const { inside: INSIDE, search: NUMBERS, u2netp: { size: GRID }, given: { few_px: FEW_CELLS } } = CONTRACT.mask;
+const { margin: MARGIN, edge_cells: EDGE_CELLS, split: SPLIT } = NUMBERS;
 const CELLS = GRID * GRID;
 
 /** A network's looks at windows of one picture, each computed once. */
@@ -192,10 +190,8 @@ function changesOf(picture, window, grid) {
 /** What stands out in a known window that holds the clicks and does not cut it, else in one around them. */
 async function aroundClicks(looks, hints, known) {
   const { photo } = looks;
-  const [columns, rows] = [0, 1].map((axis) => hints.on.map((point) => point[axis]));
-  const clicked = [Math.min(...columns), Math.min(...rows), Math.max(...columns), Math.max(...rows)];
   const squares = NUMBERS.windows.map((share) => [squareAround(photo, hints.on, share * Math.max(photo[2], photo[3])), false]);
-  for (const look of [...known.filter(([window]) => holds(window, clicked)), ...squares]) {
+  for (const look of [...known.filter(([window]) => cellsOf(window, hints.on).length === hints.on.length), ...squares]) {
     const found = choose(look[0], await looks.at(look[0], hints, look[1]), hints);
     if (found && !(known.includes(look) && isCut(found, photo))) return found;
   }
@@ -209,7 +205,7 @@ async function aroundClicks(looks, hints, known) {
 function cut(picture, window, cover, hints) {
   const plain = choose(window, cover, { ...hints, off: [] });
   if (!plain) return null;
-  const { grid } = SPLIT;
+  const grid = GRID / 2;
   const change = changesOf(picture, window, grid);
   const part = resize(Float32Array.from(plain.part), 1, [GRID, GRID], [grid, grid]).map((value) => (value > INSIDE ? 1 : 0));
   const coarse = (points) => cellsOf(window, points).map((cell) => cell.map((at) => Math.floor((at * grid) / GRID)));
@@ -228,7 +224,7 @@ function cut(picture, window, cover, hints) {
 
 /** Shortest way from the seeds within a part, counting steps and changes of colour; infinite beside it. */
 function distance(change, part, seeds) {
-  const { grid, step, click_cells: reach } = SPLIT;
+  const [grid, { step, click_cells: reach }] = [GRID / 2, SPLIT];
   const isNear = (i) => seeds.some(([x, y]) => Math.max(Math.abs((i % grid) - x), Math.abs(Math.floor(i / grid) - y)) < reach);
   const length = Float64Array.from(part, (value, i) => (value && isNear(i) ? 0 : Infinity));
   const across = Float64Array.from(length, (_, i) => (i % grid ? step + change(i, i - 1) : Infinity));
@@ -256,7 +252,7 @@ function distance(change, part, seeds) {
 /** Whether a box is in a window. */
 const holds = (window, box) => window.every((side, i) => (i < 2 ? side <= box[i] : box[i] <= side));
 
-/** Whether a look at a window is enough of what is in a box. */
+/** Whether a look at a window shows what is in a box, across as many cells as an estimate wants of pixels. */
 const shows = (window, box) => holds(window, box) && [0, 1].some((i) => (GRID * (box[i + 2] - box[i])) / (window[i + 2] - window[i]) >= FEW_CELLS);
 
 /** A box and a margin in its longer sides, as far as they are in a window. */

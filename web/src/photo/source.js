@@ -181,7 +181,7 @@ function checkAspect(mask, { width, height }) {
 }
 
 /** The outer tenths of the range are flattened, as anyprobe.masks.sources does: the noise of JPEG around black and white. */
-const { black: BLACK, white: WHITE } = CONTRACT.mask.file;
+const { black: BLACK, white: WHITE } = CONTRACT.mask;
 
 function brightness(rgba) {
   const values = new Float32Array(rgba.length / 4);
