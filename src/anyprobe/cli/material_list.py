@@ -41,6 +41,6 @@ def materials(*words: Annotated[str, Parameter(name="WORD")], as_json: JsonOptio
     table = Table("material", "metal", "colour", "roughness", "reflectance", box=None, pad_edge=False)
     for name, row in rows.items():
         color = " ".join(f"{v:.3f}" for v in row["color"])
-        metal = "yes" if row["metal"] else ""
-        table.add_row(name, metal, color, f"{row['roughness']:.2f}", f"{row['reflectance']:.3f}")
+        kind = "yes" if row["metal"] else ""
+        table.add_row(name, kind, color, f"{row['roughness']:.2f}", f"{row['reflectance']:.3f}")
     print_table(Console(markup=False, highlight=False), table)

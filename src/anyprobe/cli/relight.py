@@ -191,8 +191,9 @@ def relight(
     if as_json:
         print(json.dumps(summary))
     elif not quiet:
-        place = f"{contact_px[0]:.0f},{contact_px[1]:.0f}, camera {_pitch(stage, loaded, ground)}"
-        print(f"{out}: {insert} of {material} at {place}", file=sys.stderr)
+        camera = _pitch(stage, loaded, ground)
+        said = f"{insert} of {material} at {contact_px[0]:.0f},{contact_px[1]:.0f}, camera {camera}"
+        print(f"{out}: {said}", file=sys.stderr)
     if strict and summary["warnings"]:
         sys.exit(2)
 

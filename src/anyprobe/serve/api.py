@@ -102,8 +102,8 @@ def create_app(
     if token:
         app.add_middleware(TokenOnly, token=token)
     if origins:  # outside the token's door: browsers ask without a token whether they may send one
-        allowed = {"allow_methods": ["GET", "POST"], "allow_headers": ["Authorization", "Content-Type"]}
-        app.add_middleware(CORSMiddleware, allow_origins=list(origins), **allowed)
+        methods, headers = ["GET", "POST"], ["Authorization", "Content-Type"]
+        app.add_middleware(CORSMiddleware, allow_origins=list(origins), allow_methods=methods, allow_headers=headers)
     app.add_middleware(TrustedHostMiddleware, allowed_hosts=list(hosts), www_redirect=False)
     app.add_middleware(GZipMiddleware, minimum_size=1024, compresslevel=5)
     app.add_middleware(SecureHeaders)
