@@ -31,14 +31,16 @@ from support.picture_files import (
     sixteen,
     srgb,
     ultra_hdr,
+    yc_exr,
 )
 from support.refused import refused
 
 import anyprobe
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
-from anyprobe.errors import MissingExtra
+from anyprobe.errors import InvalidPhoto, MissingExtra
 from anyprobe.estimate.photo import load_photo
+from anyprobe.maps.exr import read_exr
 from anyprobe.maps.image_io import encode_image, library
 from anyprobe.maps.radiance import read_linear, read_radiance, write_hdr_picture
 from anyprobe.pictures.color_encoding import ADOBE_RGB, PRIMARIES, by_code_points, by_numbers
@@ -440,6 +442,18 @@ def test_a_jpeg_xl_is_bounded_by_its_header(rng):
 
 
 # OpenEXR, .hdr, TIFF of floats
+
+
+@pytest.mark.parametrize("sampling", [1, 2])
+def test_luminance_and_chroma_are_the_colours(sampling, tmp_path):
+    rgb = scene()
+    found = read_exr(yc_exr(rgb, sampling), "yc", InvalidPhoto, 10**7)
+    np.testing.assert_allclose(found[:-2, :-2], rgb[:-2, :-2], rtol=0.02, atol=0.004)
+    np.testing.assert_allclose(
+        read_image(yc_exr(rgb, sampling)).rgb.mean((0, 1)), response(rgb).mean((0, 1)), rtol=0.02
+    )
+    (tmp_path / "map.exr").write_bytes(yc_exr(scene(32, 64), sampling))
+    np.testing.assert_allclose(read_radiance(tmp_path / "map.exr").mean((0, 1)), scene(32, 64).mean((0, 1)), rtol=0.02)
 
 
 @pytest.mark.parametrize("aspect", [0.5, 2.0])

@@ -139,7 +139,7 @@ def with_readers() -> list[bytes]:
 
 def exrs() -> list[bytes]:
     channels = {name: np.random.default_rng(0).random((32, 64), np.float32) for name in "RGBA"}
-    found = [multipart_exr(32, 40)]
+    found = [multipart_exr(32, 40), picture_files.yc_exr(picture_files.scene(32, 64))]
     for compression in ("NO", "RLE", "ZIPS", "ZIP", "PIZ", "PXR24", "B44", "DWAA"):
         stream = io.BytesIO()
         header = {

@@ -95,6 +95,33 @@ def gamma_curve(exponent: float) -> bytes:
     return b"curv\0\0\0\0" + struct.pack(">IH", 1, round(exponent * 256)) + bytes(2)
 
 
+def yc_exr(rgb: np.ndarray, sampling: int = 2) -> bytes:
+    """OpenEXR of luminance and chroma, half floats, of linear Rec. 709 [H, W, 3] of even sides."""
+
+    def attribute(name: bytes, kind: bytes, value: bytes) -> bytes:
+        return name + b"\0" + kind + b"\0" + struct.pack("<i", len(value)) + value
+
+    height, width = rgb.shape[:2]
+    y = rgb @ np.array([0.2126, 0.7152, 0.0722])
+    ry, by = ((rgb[..., k] - y)[::sampling, ::sampling] / y[::sampling, ::sampling] for k in (0, 2))
+    kinds = ((b"BY", sampling), (b"RY", sampling), (b"Y", 1))
+    channels = b"".join(name + b"\0" + struct.pack("<iB3xii", 1, 0, step, step) for name, step in kinds) + b"\0"
+    window = struct.pack("<4i", 0, 0, width - 1, height - 1)
+    head = b"\x76\x2f\x31\x01\x02\0\0\0" + attribute(b"channels", b"chlist", channels)
+    head += attribute(b"compression", b"compression", b"\0") + attribute(b"dataWindow", b"box2i", window)
+    head += attribute(b"displayWindow", b"box2i", window) + attribute(b"lineOrder", b"lineOrder", b"\0")
+    head += attribute(b"pixelAspectRatio", b"float", struct.pack("<f", 1))
+    head += attribute(b"screenWindowCenter", b"v2f", bytes(8))
+    head += attribute(b"screenWindowWidth", b"float", struct.pack("<f", 1)) + b"\0"
+    table, rows, at = b"", b"", len(head) + 8 * height
+    for k in range(height):
+        row = b"".join(one[k // sampling].astype("<f2").tobytes() for one in (by, ry)) if k % sampling == 0 else b""
+        row += y[k].astype("<f2").tobytes()
+        table += struct.pack("<Q", at + len(rows))
+        rows += struct.pack("<ii", k, len(row)) + row
+    return head + table + rows
+
+
 def dng(
     linear: np.ndarray,
     gains: tuple[float, float, float] = (1.0, 1.0, 1.0),

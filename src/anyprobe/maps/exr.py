@@ -99,8 +99,8 @@ def exr_attributes(source: BinaryIO | bytes, prefix: str) -> dict[str, str]:
 def read_exr(
     source: str | os.PathLike[str] | bytes, name: str, fault: type[InputError], max_pixels: int, *, rec709: bool = False
 ) -> np.ndarray:
-    """Read the colour of an .exr: R, G, B, or X, Y, Z, or Y, with A if present; of the first part that has them, else
-    those of a layer, LAYER.R.
+    """Read the colour of an .exr: R, G, B, or X, Y, Z, or Y, RY, BY, or Y, with A if present; of the first part that
+    has them, else those of a layer, LAYER.R.
 
     A data window smaller than the display window is padded with black.
 
@@ -136,7 +136,7 @@ def _color_channels(names: Sequence[str]) -> dict[str, int]:
         layer, _, channel = name.rpartition(".")
         channel = WRITTEN_OUT.get(channel.lower(), channel.upper())
         layers.setdefault(layer, {}).setdefault(channel, k)
-    plain = _colors_of(layers.pop("", {}), ("RGB", "XYZ", "Y"))
+    plain = _colors_of(layers.pop("", {}), ("RGB", "XYZ", ("Y", "RY", "BY"), "Y"))
     if plain:
         return plain
     pictures = {
@@ -147,7 +147,7 @@ def _color_channels(names: Sequence[str]) -> dict[str, int]:
     return found[whole[0]] if len(whole) == 1 else {}
 
 
-def _colors_of(channels: Mapping[str, int], kinds: Sequence[str]) -> dict[str, int]:
+def _colors_of(channels: Mapping[str, int], kinds: Sequence[Sequence[str]]) -> dict[str, int]:
     for kind in kinds:
         if all(letter in channels for letter in kind):
             return {letter: channels[letter] for letter in (*kind, "A") if letter in channels}
@@ -157,14 +157,27 @@ def _colors_of(channels: Mapping[str, int], kinds: Sequence[str]) -> dict[str, i
 def _as_rgb(
     kind: str, pixels: np.ndarray, spec: ImageSpec, name: str, fault: type[InputError], rec709: bool
 ) -> np.ndarray:
-    """Convert channels of a kind, such as XYZ or YA, to R, G, B and perhaps A."""
+    """Convert channels of a kind, such as XYZ, YRYBY or YA, to R, G, B and perhaps A."""
     color, alpha = (pixels[..., :-1], pixels[..., -1:]) if kind.endswith("A") else (pixels, pixels[..., :0])
     chromaticities = spec.getattribute("chromaticities")
+    if kind.startswith("YRYBY"):
+        color = _from_chroma(color, chromaticities or REC709_CHROMATICITIES, name, fault)
     if kind.startswith("XYZ"):
         chromaticities = XYZ_CHROMATICITIES
     if rec709 and chromaticities is not None:
         color = to_rec709(color, chromaticities, name, fault, adapts=not _are_xyz(chromaticities))
     return np.concatenate([np.broadcast_to(color, (*color.shape[:2], 3)), alpha], axis=-1)
+
+
+def _from_chroma(pixels: np.ndarray, chromaticities: Sequence[float], name: str, fault: type[InputError]) -> np.ndarray:
+    """Convert luminance and chroma to R, G, B: RY = (R - Y) / Y and BY = (B - Y) / Y.
+
+    The weights of Y follow from the chromaticities.
+    """
+    weights = _checked(xyz_from_rgb, chromaticities, name, fault)[1]
+    y, ry, by = np.moveaxis(pixels, -1, 0)
+    r, b = (ry + 1) * y, (by + 1) * y
+    return np.stack([r, (y - weights[0] * r - weights[2] * b) / weights[1], b], axis=-1).astype(np.float32)
 
 
 def read_channel(image: ImageInput, name: str) -> np.ndarray:

@@ -27,6 +27,9 @@ FILE_HANDLES = Path("/proc/self/fd")
 MOST_TILE_BYTES = 1 << 28
 """Largest tile [bytes] that is decoded: a small picture may claim one of gigabytes."""
 
+HEADER_BYTES = 1 << 16
+"""Number of bytes at the start of an OpenEXR file in which its channels are looked for."""
+
 quiet: Callable[[], AbstractContextManager] = nullcontext
 """Context of calls of its decoders, some of which print about damaged files; a program that owns its process may
 replace it."""
@@ -69,6 +72,8 @@ def open_image(source: BinaryIO | bytes, kind: str) -> Iterator[ImageInput]:
     with _named(source) as path:
         with _opening, quiet():
             image = oiio.ImageInput.open(path, as_stored)
+            if image is None and kind == "openexr" and b"\0RY\0" in _start_of(path):
+                image = _open_subsampled(path)
             oiio.geterror()  # it prints errors that nobody asked for
         if image is None:
             raise ValueError("without a whole header")
@@ -80,6 +85,21 @@ def open_image(source: BinaryIO | bytes, kind: str) -> Iterator[ImageInput]:
             with _opening:
                 image.geterror()
                 image.close()
+
+
+def _start_of(path: str) -> bytes:
+    with open(path, "rb") as stream:
+        return stream.read(HEADER_BYTES)
+
+
+def _open_subsampled(path: str) -> ImageInput | None:
+    """Open an OpenEXR of luminance and less chroma as R, G, B, which OpenImageIO's newer reader refuses."""
+    oiio = library()
+    oiio.attribute("openexr:core", 0)
+    try:
+        return oiio.ImageInput.open(path)
+    finally:
+        oiio.attribute("openexr:core", 1)
 
 
 def read_pixels(image: ImageInput, channels: Sequence[int]) -> np.ndarray:
