@@ -215,7 +215,18 @@ def range_doubts(target: str, clipped: float) -> tuple[Notice, ...]:
     return (Notice(text, code="range-clipped", source=target),)
 
 
-def export(radiance: np.ndarray, target: str, folder: str | Path, stem: str = "light", **settings: Any) -> list[Path]:
+def export(
+    radiance: np.ndarray,
+    target: str,
+    folder: str | Path,
+    stem: str = "light",
+    *,
+    world_from_camera: Float[np.ndarray, "3 3"] | None = None,
+    exposure_ev: float = 0.0,
+    origin: Mapping[str, Any] | None = None,
+    error_deg: float | None = None,
+    said_sources: Float[np.ndarray, "S 4"] | None = None,
+) -> list[Path]:
     """Export a light for one target into folder: every name begins with <stem>_<target>.
 
     <stem>_<target>.json is the sidecar; the other files are the target's own. Light beyond the range of its files, as
@@ -224,14 +235,24 @@ def export(radiance: np.ndarray, target: str, folder: str | Path, stem: str = "l
     Args:
         radiance: [H, 2H, 3] linear, in the camera's frame.
         target: one of TARGETS.
-        settings: world_from_camera, exposure_ev, origin, error_deg and said_sources, see exported_light.prepare.
+        world_from_camera, exposure_ev, origin, error_deg, said_sources: see exported_light.prepare.
     Returns:
         The paths, sorted.
     Raises:
         InputError, InvalidEnvironment: one line that says what to do.
         OutputError: the folder cannot be written; nothing new is left in it.
     """
-    paths, doubts = write_export(radiance, target, folder, stem, **settings)
+    paths, doubts = write_export(
+        radiance,
+        target,
+        folder,
+        stem,
+        world_from_camera=world_from_camera,
+        exposure_ev=exposure_ev,
+        origin=origin,
+        error_deg=error_deg,
+        said_sources=said_sources,
+    )
     for doubt in doubts:
         warnings.warn(doubt, RuntimeWarning, stacklevel=2)
     return paths
