@@ -51,7 +51,7 @@ def read_radiance(path: str | os.PathLike[str], max_pixels: int = MAX_MAP_PIXELS
         if is_hdr:
             read_header(start, path.name, max_pixels)  # refuses a damaged or large one before all of it is read
         elif not start.startswith(EXR_MAGIC):
-            got = "another kind of file" if start else "an empty one"
+            got = "another kind of file" if start else "an empty one (0 bytes)"
             text = f"expected a Radiance .hdr or an OpenEXR .exr, got {got}; other pictures do not hold radiance"
             raise InvalidEnvironment(text, source=path.name)
         data = start + read_rest(stream)

@@ -84,7 +84,10 @@ def look_at_given(mask: np.ndarray) -> tuple[np.ndarray, list[str]]:
     inside = mask > 0.5
     border = np.concatenate([inside[0], inside[-1], inside[:, 0], inside[:, -1]])
     if inside.mean() > MOSTLY and border.mean() > FULL:
-        text = f"the mask covers {inside.mean():.0%} of the photo and its borders; if it is inverted, invert it"
+        text = (
+            f"the mask covers {inside.mean():.0%} of the photo and its borders, as an inverted one does; if so, invert "
+            "it: white is the object"
+        )
         lines.append(Notice(text, code="mask-inverted"))
     grey = (mask > MASK_BLACK) & (mask < MASK_WHITE)
     if grey.sum() > GREY_SHARE * inside.sum():
