@@ -38,8 +38,10 @@ def doctor(*, model: ModelOption = DEFAULT_MODEL) -> None:
     seconds, error = self_test(model)
     console.print(f"self-test: dominant light {error:.0f} degrees off, {seconds * 1e3:.0f} ms a photo")
     if error > SELF_TEST_DEG:
-        text = f"self-test: expected the dominant light within {SELF_TEST_DEG} degrees, got {error:.0f}; reinstall it"
-        raise ModelError(text)
+        raise ModelError(
+            f"self-test: expected the dominant light within {SELF_TEST_DEG} degrees, got {error:.0f}; "
+            "reinstall anyprobe"
+        )
     console.print("OK")
 
 

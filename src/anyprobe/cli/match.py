@@ -61,8 +61,10 @@ def match(
     from anyprobe.pictures.images import write_png
 
     if folder is None:
-        text = "expected a folder of .hdr or .exr panoramas after the photo, got none; polyhaven.com has some"
-        raise InputError(text)
+        raise InputError(
+            "expected a folder of .hdr or .exr panoramas after the photo, got none; put some of your own or of a site "
+            "such as polyhaven.com into one"
+        )
     targets = [] if apply is None else target_names(apply, "apply")
     console = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)
     with console.status("reading the panoramas"):
@@ -146,7 +148,10 @@ def fit_doubts(estimate: np.ndarray, radiance: np.ndarray) -> list[Notice]:
     apart = shading_apart(radiance, estimate)
     if apart <= OWN_ERROR:
         return []
-    text = f"no panorama fits: the first shades a matte sphere {apart:.1f} stops off the estimate; try other ones"
+    text = (
+        f"no panorama fits: the first one shades a matte sphere {apart:.1f} stops off the estimate, more than the "
+        "estimate's own error; use the estimate itself, or other panoramas"
+    )
     return [Notice(text, code="match-fit")]
 
 

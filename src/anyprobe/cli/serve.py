@@ -141,8 +141,11 @@ def _token(given: str | None, is_local: bool) -> str | None:
     if given == "none":
         return None
     if not given.isascii() or not given.isprintable() or len(given) < MIN_TOKEN or " " in given:
-        text = f"expected none, or {MIN_TOKEN} ASCII characters or more, got {len(given)}; leave it out to get one"
-        raise InputError(text, subject="token")
+        raise InputError(
+            f"expected none, or at least {MIN_TOKEN} ASCII characters without spaces, got {len(given)}; "
+            "leave it out to get a new one",
+            subject="token",
+        )
     return given
 
 

@@ -121,7 +121,10 @@ def ground_doubts(ground: Ground | None, name: str) -> tuple[Notice, ...]:
         return (Notice(text, code="pitch-unsure", source=name, remedy=give("pitch_deg")),)
     if ground is None or not ground.is_doubtful:
         return ()
-    text = f"the ground was guessed from the object's height: a camera that looks {pitch_words(ground.pitch_deg)}"
+    text = (
+        "the ground was guessed from how high the object stands in the photo: a camera that looks "
+        f"{pitch_words(ground.pitch_deg)}"
+    )
     return (Notice(text, code="ground-guessed", source=name, remedy=give("pitch_deg")),)
 
 
@@ -141,5 +144,8 @@ def light_doubts(
     below = -float(np.degrees(np.arcsin(np.clip(main.direction @ up, -1.0, 1.0))))
     if below < BELOW_DEG + error or directionality(project(radiance)) < DIRECTIONAL:
         return ()
-    text = f"the dominant light comes from {below:.0f} degrees below the horizon; check the mask and the exposure"
+    text = (
+        f"the dominant light comes from {below:.0f} degrees below the horizon, which is rare; "
+        "check the mask and the exposure"
+    )
     return (Notice(text, code="light-below", source=name, remedy=give("pitch_deg")),)

@@ -59,8 +59,11 @@ def normals_from_outline(mask: Float[np.ndarray, "H W"], long_fov_deg: float) ->
     """
     normals, overlap = sphere_of_outline(mask, long_fov_deg)
     if overlap < ROUND:
-        text = f"expected a sphere, got a mask that shares {overlap:.0%} with a circle; mask it whole, or give normals"
-        raise InputError(text, subject="normals")
+        raise InputError(
+            f"expected a sphere, got a mask that shares {overlap:.0%} with the nearest circle; "
+            "mask the sphere alone and whole, or give its normals",
+            subject="normals",
+        )
     return normals
 
 
@@ -126,8 +129,11 @@ def read_normals(source: NormalsSource, shape: tuple[int, int]) -> Float[np.ndar
     """
     values, name, from_picture = _read(source)
     if values.shape != (*shape, 3):
-        text = f"expected three numbers for each of {shape[1]} x {shape[0]} pixels, got shape {values.shape}"
-        raise InputError(text, source=name)
+        raise InputError(
+            f"expected normals of the photo's size {shape[1]} x {shape[0]}, three a pixel, got "
+            f"shape {values.shape}; render them through the photo's camera",
+            source=name,
+        )
     values = np.where(np.isfinite(values), values, 0.0).astype(np.float32)
     length = np.linalg.norm(values, axis=-1, keepdims=True)
     known = length > SHORTEST
@@ -139,11 +145,17 @@ def read_normals(source: NormalsSource, shape: tuple[int, int]) -> Float[np.ndar
         text = "expected unit vectors in floats, got values of a picture, (n + 1) / 2; pass 2 * values - 1"
         raise InputError(text, source=name)
     if from_picture and not is_unit:
-        text = "expected a picture of (n + 1) / 2, got vectors far from unit length, as a photo's; or pass sphere"
-        raise InputError(text, source=name)
+        raise InputError(
+            "expected a picture of (n + 1) / 2, got one most of whose vectors are far from unit length, as a "
+            "photo's are; pass a normal map, or sphere",
+            source=name,
+        )
     if (values[known[..., 0], 2] > 0).mean() < FACING:
-        text = "expected normals towards the camera (+X right, +Y up, +Z to it), most look away; flip Y and Z"
-        raise InputError(text, source=name)
+        raise InputError(
+            "expected normals towards the camera (+X right, +Y up, +Z to it), most look away; "
+            "flip Y and Z if they come from OpenCV, turn them if they are the world's",
+            source=name,
+        )
     return np.where(known, values / np.maximum(length, SHORTEST), 0.0)
 
 

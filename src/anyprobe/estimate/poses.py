@@ -148,8 +148,11 @@ def _lens(file: str, given: dict[str, Any]) -> Lens:
         value = given.get(key)
         if value is None or (isinstance(value, int | float) and 0 < value < below):
             return value
-        text = f"expected {key} above 0{' and below pi' * (below < 4)}, got {value!r:.60}; repair it or leave it out"
-        raise InputError(text, source=file)
+        raise InputError(
+            f"expected {key} to be a number above 0{' and below pi' * (below < 4)}, got {value!r:.60}; "
+            "repair it or leave it out",
+            source=file,
+        )
 
     def tangent(focal: str, size: str, angle: str) -> float | None:
         focal_px, size_px, radians = number(focal) or number("fl_x"), number(size), number(angle, np.pi)

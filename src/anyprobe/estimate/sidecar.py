@@ -132,8 +132,11 @@ def restored(said: Mapping[str, Any], path: Path) -> dict[str, Any]:
     except (KeyError, TypeError, ValueError, OverflowError):
         exposed, warnings, camera_from_crop, origin = np.nan, (), np.zeros(0), Origin()
     if not (0 <= exposed <= 1 and is_rotation(camera_from_crop)):
-        text = "expected the .json beside it as it was written; save the light again, or move the .json away"
-        raise InputError(text, source=path)
+        raise InputError(
+            "expected the .json beside it as it was written, got another well_exposed_fraction or "
+            "camera_from_crop; save the light again, or move the .json away",
+            source=path,
+        )
     shares = {name: said.get(name) for name in ("soft", "outdoors")}
     attributes: dict[str, Any] = {
         name: share if isinstance(share, int | float) and 0 <= share <= 1 else None for name, share in shares.items()
@@ -160,8 +163,11 @@ def read_rotation(text: str | None) -> np.ndarray | None:
         return None
     if numbers := numbers_in(text, 2, 3, 9):
         return rotation_of(numbers)
-    text = f"expected YAW,ELEVATION[,ROLL] in degrees or nine numbers, got {text[:60]!r}; for instance 0,20"
-    raise InputError(text, subject="world_from_camera")
+    raise InputError(
+        f"expected YAW,ELEVATION[,ROLL] in degrees or nine numbers, got {text[:60]!r}; "
+        "for instance 0,20 for a camera that looks 20 degrees down",
+        subject="world_from_camera",
+    )
 
 
 def export_settings(path: Path, world_from_camera: np.ndarray | None, *, is_level: bool) -> dict[str, Any]:
@@ -183,7 +189,10 @@ def export_settings(path: Path, world_from_camera: np.ndarray | None, *, is_leve
                 raise ValueError("an angle is not finite")
             origin |= level
     except (KeyError, TypeError, ValueError) as error:
-        text = "expected the ground as it was written, got another; save the light again, or move the .json away"
-        raise InputError(text, source=path.with_suffix(".json")) from error
+        raise InputError(
+            f"expected the ground in the .json beside {path.name} as it was written, got another; save the "
+            "light again, or move the .json away",
+            source=path.with_suffix(".json"),
+        ) from error
     stated = {"error_deg": error_stated(said), "said_sources": sources_stated(said)}
     return {"world_from_camera": world_from_camera, "origin": origin, **stated}

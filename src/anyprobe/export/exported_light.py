@@ -107,8 +107,11 @@ def prepare(
         radiance = np.maximum(rotate(radiance, turn), 0.0)
     radiance = check_radiance(radiance * np.float32(2.0**exposure_ev), name)
     if radiance.max() > BRIGHTEST_RADIANCE:
-        text = f"expected radiance of at most {BRIGHTEST_RADIANCE:g}, got {radiance.max():.3g}; lower the exposure"
-        raise InvalidEnvironment(text, source=name)
+        raise InvalidEnvironment(
+            f"expected radiance of at most {BRIGHTEST_RADIANCE:g}, got {radiance.max():.3g}; divide all of "
+            "it by one number, or lower the exposure",
+            source=name,
+        )
     said = turned_said(said_sources, turn)
     main, ambient = split_dominant_light(radiance, said)
     lights: tuple[LightSource, ...] = (main,)
@@ -294,8 +297,11 @@ def map_from_camera(path: Path) -> Float[np.ndarray, "3 3"]:
     except (TypeError, ValueError, OverflowError, RecursionError):
         turn = np.zeros(0)
     if not is_rotation(turn):
-        text = f"expected {MAP_FROM_CAMERA} to be a rotation, got {' '.join(str(given).split())[:120]}; save it again"
-        raise InputError(text, source=path)
+        raise InputError(
+            f"expected {MAP_FROM_CAMERA} to be a rotation, got {' '.join(str(given).split())[:120]}; "
+            "save the light again",
+            source=path,
+        )
     return turn
 
 

@@ -93,8 +93,11 @@ class TargetFrame:
         """
         width = radiance.shape[1]
         if width * self.quarters % 4:
-            text = f"expected a width that 4 divides, got {width}; resize the map to an even height"
-            raise InvalidEnvironment(text, subject="map")
+            raise InvalidEnvironment(
+                f"expected a width that 4 divides, to be turned by a quarter, got {width}; "
+                "resize the map to an even height",
+                subject="map",
+            )
         return np.roll(radiance, width * self.quarters // 4, axis=1)
 
 

@@ -27,8 +27,11 @@ def check_radiance(radiance: np.ndarray, name: str = "map") -> Float[np.ndarray,
     radiance = np.asarray(radiance)
     shape = radiance.shape
     if radiance.ndim != 3 or shape[2] != 3 or shape[1] != 2 * shape[0] or shape[0] == 0:
-        text = f"expected width = 2 x height and 3 channels, got shape {shape}; convert other projections first"
-        raise InvalidEnvironment(text, source=name)
+        raise InvalidEnvironment(
+            f"expected width = 2 x height and 3 channels, got shape {shape}; "
+            "convert a cube map or mirror sphere to latitude-longitude first",
+            source=name,
+        )
     if not np.isfinite(radiance).all():
         raise InvalidEnvironment("expected finite radiance, got NaN or infinity; repair the map first", source=name)
     if (radiance < 0).any():

@@ -70,8 +70,11 @@ def _check(spec: ImageSpec, name: str, fault: type[InputError], max_pixels: int)
         raise fault(text, source=name)
     (width, height), decoded = _size(spec), exr_pixels(spec)
     if decoded > max_pixels:
-        text = f"expected at most {max_pixels / 1e6:.0f} Mpx in all layers, got {decoded / 1e6:.0f}; shrink it"
-        raise fault(text, source=name)
+        raise fault(
+            f"expected at most {max_pixels / 1e6:.0f} million pixels in all layers, "
+            f"got {width} x {height} and {decoded / 1e6:.0f} million; shrink it first",
+            source=name,
+        )
     if max(width, height) > MOST_SIDE_PX:
         text = f"expected sides of at most {MOST_SIDE_PX} pixels, got {width} x {height}; shrink it first"
         raise fault(text, source=name)

@@ -33,7 +33,10 @@ def check_mask(mask: np.ndarray, found_in: str = "") -> np.ndarray:
         text = f"expected values from 0 to 1, got {mask.min():g} to {mask.max():g}; scale them"
         raise InvalidMask(text, subject="mask")
     if not (mask > 0.5).any():
-        text = f"expected white on the object, got an empty mask (at most {mask.max():.2f}); labels of 1 become 255"
+        text = (
+            f"expected white on the object, got an empty mask (largest value {mask.max():.2f}); "
+            "paint the object white; multiply a file's labels of 0 and 1 by 255"
+        )
         if mask.max() > MASK_BLACK:
             text = f"expected values above one half on the object, got none above {mask.max():.2f}; scale them"
         raise InvalidMask(text, code="no-object", subject="mask")
@@ -78,7 +81,10 @@ def look_at_given(mask: np.ndarray) -> tuple[np.ndarray, list[str]]:
     lines: list[str] = []
     brightest = float(mask.max())
     if brightest < FULL:
-        text = f"the mask is nowhere white (at most {brightest:.2f}), like an overlay; its brightest is taken for white"
+        text = (
+            f"the mask is nowhere white (at most {brightest:.2f}), like a segmenter's overlay; its brightest value is "
+            "taken for white: save the mask itself, white on black, to be sure"
+        )
         lines.append(Notice(text, code="mask-grey"))
         mask = mask / brightest
     inside = mask > 0.5
@@ -96,14 +102,20 @@ def look_at_given(mask: np.ndarray) -> tuple[np.ndarray, list[str]]:
     kept, large, is_outline = keep_object(mask)
     mask = check_mask(kept)
     if large > 1:
-        text = f"the mask has {large} large parts; the largest and those close to it are taken for one object"
+        text = (
+            f"the mask has {large} large parts; the largest and those close to it are taken for one object: "
+            "leave one object white"
+        )
         lines.append(Notice(text, code="mask-parts"))
     if is_outline:
         text = "the mask is only an outline; fill it: the whole object is white"
         lines.append(Notice(text, code="mask-outline"))
     x0, y0, x1, y1 = object_box(mask)
     if max(x1 - x0, y1 - y0) < FEW_PX:
-        text = f"the object is only {x1 - x0} x {y1 - y0} pixels in its mask; use a larger photo or go closer"
+        text = (
+            f"the object is only {x1 - x0} x {y1 - y0} pixels in its mask, too few for a good estimate; use a larger "
+            "photo or go closer"
+        )
         lines.append(Notice(text, code="object-small"))
     return mask, lines
 

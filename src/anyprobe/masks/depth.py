@@ -52,8 +52,12 @@ def read_depth(source: DepthSource) -> np.ndarray:
     if values.ndim == 3 and values.shape[2] == 1:
         values = values[..., 0]
     if values.ndim != 2 or values.size == 0 or values.dtype.kind not in "uif":
-        text = f"expected [height, width] depths, got {values.dtype} of shape {values.shape}; export the depth itself"
-        raise InvalidMask(text, subject="depth", source=name)
+        raise InvalidMask(
+            f"expected one depth per pixel, [height, width], got {values.dtype} of shape {values.shape}; "
+            "export the depth itself, not a coloured picture of it",
+            subject="depth",
+            source=name,
+        )
     return values.astype(np.float32)
 
 
@@ -62,8 +66,11 @@ def depth_of_view(source: DepthSource, shape: tuple[int, int]) -> np.ndarray:
     depth = read_depth(source)
     height, width = shape
     if abs(depth.shape[1] / depth.shape[0] / (width / height) - 1.0) > ASPECT_TOLERANCE:
-        text = f"expected the view of {width} x {height}, got {depth.shape[1]} x {depth.shape[0]}; crop both alike"
-        raise InvalidMask(text, subject="depth")
+        raise InvalidMask(
+            f"expected the photo's view, {width} x {height} or smaller at that aspect ratio, "
+            f"got {depth.shape[1]} x {depth.shape[0]}; crop both alike",
+            subject="depth",
+        )
     return depth
 
 
@@ -92,8 +99,11 @@ def mask_from_depth(
     if not inside.any():
         if not measured.any():
             raise InvalidMask("expected measured depths, got none above zero; check the file", subject="depth")
-        text = f"expected depths from {low:g} to {high:g}, got {depth[measured].min():g} to {depth[measured].max():g}"
-        raise InvalidMask(text, subject="depth")
+        raise InvalidMask(
+            f"expected depths from {low:g} to {high:g}, got none there; the image has "
+            f"{depth[measured].min():g} to {depth[measured].max():g}",
+            subject="depth",
+        )
     return check_mask(inside.astype(np.float32))
 
 
@@ -115,8 +125,12 @@ def _decoded(stream: BinaryIO, name: str) -> np.ndarray:
 def _read_picture(stream: BinaryIO, name: str) -> np.ndarray:
     with Image.open(stream, formats=["PNG", "TIFF"]) as image:
         if image.width * image.height > MAX_PIXELS:
-            text = f"expected at most {MAX_PIXELS / 1e6:.0f} Mpx, got {image.width} x {image.height}; shrink it"
-            raise InvalidMask(text, subject="depth", source=name)
+            raise InvalidMask(
+                f"expected at most {MAX_PIXELS // 1_000_000} million pixels, "
+                f"got {image.width} x {image.height}; shrink it",
+                subject="depth",
+                source=name,
+            )
         values = np.asarray(image.convert("RGB") if image.mode == "P" else image)
         if image.mode == "P":
             if np.ptp(values, axis=-1).any():

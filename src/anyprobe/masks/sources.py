@@ -59,8 +59,12 @@ def mask_from_file(source: MaskPicture, shape: tuple[int, int]) -> np.ndarray:
         raise InvalidMask(error, subject="mask") from error
     found = brightness.shape
     if found != tuple(shape):
-        text = f"expected the photo's size {shape[1]} x {shape[0]}, got {found[1]} x {found[0]}; draw it upright"
-        raise InvalidMask(text, subject="mask", source=name)
+        raise InvalidMask(
+            f"expected a mask of the photo's size {shape[1]} x {shape[0]}, "
+            f"got {found[1]} x {found[0]}; draw it on the upright photo",
+            subject="mask",
+            source=name,
+        )
     cut_out = mask_from_alpha(alpha)
     return check_mask(brightness) if cut_out is None else cut_out
 

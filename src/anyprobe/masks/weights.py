@@ -152,9 +152,15 @@ def _checked(path: Path, source: str) -> Weights:
     try:
         found = hashlib.sha256(path.read_bytes()).hexdigest()
     except OSError as error:
-        text = f"expected readable weights of U2-Net-p ({error.strerror or error}); check the permissions"
-        raise ModelError(text, source=path) from error
+        raise ModelError(
+            f"expected the weights of U2-Net-p, got a file that cannot be read ({error.strerror or error}); "
+            "check the permissions",
+            source=path,
+        ) from error
     if found != SHA256:
-        text = f"expected U2-Net-p of SHA-256 {SHA256[:12]}..., got {found[:12]}...; remove it"
-        raise ModelError(text, source=path, remedy=GET_WEIGHTS)
+        raise ModelError(
+            f"expected U2-Net-p of SHA-256 {SHA256[:12]}..., got {found[:12]}...; remove it",
+            source=path,
+            remedy=GET_WEIGHTS,
+        )
     return Weights(path=path, source=source)

@@ -231,8 +231,11 @@ def _from_pillow(
         raise
     except Exception as error:  # decoders raise whatever the bad bytes lead them to
         reason = " ".join(str(error).split())[:120] or type(error).__name__
-        text = f"expected a complete image, got a damaged or unusual one ({reason}); copy it again, or save it anew"
-        raise InvalidPhoto(text, source=name) from error
+        raise InvalidPhoto(
+            f"expected a complete image, got a damaged or unusual one ({reason}); copy it again, or open and save "
+            "it in another program",
+            source=name,
+        ) from error
     del picture, deep  # free their memory: the pixels are in display.values
     pixels = _from_array(turned_upright(display.values, orientation), name)
     if alpha is not None and (alpha < np.iinfo(alpha.dtype).max).any():
@@ -353,8 +356,11 @@ def _from_array(values: np.ndarray, name: str) -> Pixels:
             text = f"expected float display values from 0 to 1, got NaN or infinity in {count} of them; replace them"
             raise InvalidPhoto(text, source=name)
         if not (low >= -1e-4 and high <= 1.0 + 1e-4):  # 1e-4: rounding of a resize
-            text = f"expected float display values from 0 to 1, got {low:.3g} to {high:.3g}; linear ones go in an .exr"
-            raise InvalidPhoto(text, source=name)
+            raise InvalidPhoto(
+                f"expected float display values from 0 to 1, got {low:.3g} to {high:.3g}; "
+                "scale them, or save linear radiance as .exr",
+                source=name,
+            )
         display = values.astype(np.float32)
         np.clip(display, 0.0, 1.0, out=display)
     else:

@@ -93,6 +93,9 @@ def develop(data: bytes, name: str) -> tuple[np.ndarray, tuple[str, ...]]:
         raise
     except Exception as error:  # LibRaw's errors, and whatever the bad bytes lead it to
         reason = " ".join(str(error).replace("b'", "").replace("'", "").split())[:120] or type(error).__name__
-        text = f"expected a RAW photo that LibRaw can develop, got {reason}; export it as 16-bit TIFF"
-        raise InvalidPhoto(text, source=name) from error
+        raise InvalidPhoto(
+            f"expected a RAW photo that LibRaw can develop, got {reason}; copy it again, or export it "
+            "from a RAW converter as 16-bit TIFF",
+            source=name,
+        ) from error
     return np.divide(values, np.float32(65535.0), dtype=np.float32), notes

@@ -72,8 +72,11 @@ def check_triangles(positions: np.ndarray, faces: np.ndarray, name: str) -> None
         raise InvalidMesh(f"expected at most {MAX_FACES:,} faces, got {len(faces):,}; decimate it first", source=name)
     low, high = int(faces.min()), int(faces.max())
     if low < 0 or high >= len(positions):
-        text = f"expected faces of vertices 0 to {len(positions) - 1}, got {low if low < 0 else high}; export it again"
-        raise InvalidMesh(text, source=name)
+        raise InvalidMesh(
+            f"expected faces that name vertices 0 to {len(positions) - 1}, "
+            f"got {low if low < 0 else high}; export it again",
+            source=name,
+        )
     if not (np.abs(positions) <= np.finfo(np.float32).max).all():  # squares of these still fit
         raise InvalidMesh("expected finite vertices, got NaN or infinity; repair the mesh first", source=name)
 

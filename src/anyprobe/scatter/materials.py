@@ -136,12 +136,18 @@ def as_material(
         return None
     if isinstance(material, Material):
         if albedo is not None or roughness is not None:
-            text = "albedo, roughness: expected none beside a Material, which has its own, got one; leave it out"
-            raise InputError(text)
+            raise InputError(
+                "albedo, roughness: expected a material's name beside it or none, got a Material, which has its own; "
+                "leave one of them out"
+            )
         return _checked(material)
     if not isinstance(material, str | None):
-        text = f"expected a Material or the name of one, got {type(material).__name__}; give an albedo as albedo="
-        raise InputError(text, subject="material")
+        raise InputError(
+            f"expected a Material or one of {', '.join(PRESETS)} or a measured one's name, "
+            f"got {type(material).__name__}; "
+            "give an albedo alone as albedo=",
+            subject="material",
+        )
     found = material_named(MATTE if material is None else material)
     if roughness is not None:
         if not LEAST_ROUGHNESS <= roughness <= 1:
@@ -156,8 +162,11 @@ def as_material(
         text = f"expected one number or three, got {' '.join(repr(albedo).split())}"
         raise InputError(text, subject="albedo") from error
     if values.size not in (1, 3) or not ((values > 0) & (values <= 1)).all():
-        text = f"expected one number or three above 0 and up to 1, got {', '.join(f'{v:g}' for v in values)}"
-        raise InputError(text, subject="albedo")
+        raise InputError(
+            f"expected one number or three above 0 and up to 1, got {', '.join(f'{v:g}' for v in values)}; "
+            "a grey card has 0.18",
+            subject="albedo",
+        )
     if not np.any(found.albedo):
         text = f"expected a material that has one, got the metal {material}; leave one of them out"
         raise InputError(text, subject="albedo")

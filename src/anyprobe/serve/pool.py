@@ -76,8 +76,10 @@ class WorkerPool:
         try:
             return await self._in_process("slow", task, self._limits.decode_s, gone)
         except TimeoutError as error:
-            text = f"expected one decoded within {self._limits.decode_s:g} seconds, got a slower one; send it smaller"
-            raise TooSlow(text) from error
+            raise TooSlow(
+                f"expected a file that is decoded within {self._limits.decode_s:g} seconds, got a slower one; "
+                "send it smaller, or as PNG or JPEG"
+            ) from error
 
     async def _in_process(self, lane: str, task: Callable[[], Answer], seconds: float, gone: Gone) -> Answer:
         """Run a task; once more, if its process ended, as the system may have ended it for others' sake."""
@@ -87,8 +89,10 @@ class WorkerPool:
                 return await _unless(gone, asyncio.wrap_future(future))
             except ProcessExpired as error:
                 log.warning("a decoding process ended (%s)", error)
-        text = "expected a file that can be decoded here, got one that needs too much memory; send it smaller"
-        raise TooMuchMemory(text)
+        raise TooMuchMemory(
+            "expected a file that can be decoded here, got one that needs too much memory; "
+            "send it smaller, or as PNG or JPEG"
+        )
 
     async def run(self, work: Callable[[], Answer], gone: Gone) -> Answer:
         """Compute in a thread; Cancelled if gone() returns first: what waited is then dropped."""

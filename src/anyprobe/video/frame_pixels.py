@@ -60,8 +60,11 @@ def shown_pixels(
     """
     width, height = square_size(picture.width, picture.height, aspect)
     if max(picture.width, width) * max(picture.height, height) > MAX_PIXELS:
-        text = f"expected at most {MAX_PIXELS / 1e6:.0f} Mpx, got {picture.width} x {picture.height}; shrink it"
-        raise InputError(text, source=path)
+        raise InputError(
+            f"expected at most {MAX_PIXELS // 1_000_000} million pixels, "
+            f"got {picture.width} x {picture.height}; shrink it first",
+            source=path,
+        )
     degrees = picture.rotation  # counter-clockwise; no angle where the file's matrix flattens the picture
     turns = round(degrees / 90) if abs(degrees) <= 180 else 0
     own = (height, width) if turns % 2 else (width, height)
