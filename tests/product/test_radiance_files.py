@@ -50,6 +50,14 @@ def test_hdr_round_trip(tmp_path, height):
     assert_within_rgbe(read, radiance)
 
 
+def test_a_map_is_read_whatever_its_name(tmp_path):
+    radiance = np.minimum(draw_map(16), 100.0)
+    for name, other, write in (("map.hdr", "map.exr", write_hdr), ("map.exr", "map.hdr.txt", write_exr)):
+        write(tmp_path / name, radiance)
+        (tmp_path / name).rename(tmp_path / other)
+        np.testing.assert_allclose(read_radiance(tmp_path / other), radiance, rtol=0.01, atol=0.01 * radiance.max())
+
+
 def test_hdr_extremes(tmp_path):
     radiance = np.zeros((4, 8, 3), dtype=np.float32)
     radiance[0, :, :] = [1.0, 0.999, 255.5 / 256]  # on the edge of a ninth bit
