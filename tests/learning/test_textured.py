@@ -41,7 +41,7 @@ def test_paint_changes_a_dielectrics_albedo_and_less_of_a_metals_mirror():
 def test_a_pixel_shows_the_material_that_it_has():
     """Against the same surface of each material alone: upper left, upper right and below."""
     illuminator, rng = Illuminator([own_map(5, 0).radiance], compiled=False), np.random.default_rng(0)
-    lit = [illuminator.draw(rng)] * 2
+    lit = [illuminator.light(0, np.eye(3), 0.4, 4)] * 2
     normals = torch.from_numpy(sphere()).permute(2, 0, 1).expand(2, 3, SIZE, SIZE)
     wo = pixel_wo(torch.full((2, 1, 1, 1), 0.2), SIZE)
     some = [draw_material(rng, lit[0].alpha, metal) for metal in (False, True, False)]

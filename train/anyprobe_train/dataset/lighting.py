@@ -1,32 +1,28 @@
-"""The light of training pairs: variants of maps, and materials lit by maps.
+"""Maps varied (blends, lamps, a dominant light moved), and materials lit by maps.
 
-A variant is a blend of maps, with added light sources, the dominant light moved, or another white: light is additive,
-so the sum of two rooms is a possible light. A lit material holds the reflectance maps of one light, one view of it and
-one alpha: the expensive part of a training pair, which serves many pairs.
+Light is additive, so the sum of two rooms is a possible light. A lit material holds the reflectance maps of one light,
+one view of it and one alpha.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import torch
 
 from anyprobe.core.color import luminance
-from anyprobe.core.frames import rotation_x, rotation_y, world_from_camera
+from anyprobe.core.frames import rotation_x, rotation_y
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
 from anyprobe.core.sampling import hammersley
 from anyprobe.light.environment import MAP_HEIGHT, integral, reduced, rotate
 from anyprobe.light.light_sources import BLUR_RADIUS, dilate, find_dominant_light
 from anyprobe.light.octahedral import Pyramid
 from anyprobe.render.integrate import shade_diffuse, shade_specular, shading_pyramid
-from anyprobe_train.dataset import distributions
-from anyprobe_train.dataset.distributions import draw_alpha
 from anyprobe_train.dataset.reflectance import reflectance_normals
 from anyprobe_train.dataset.sky import soft_cap
-from anyprobe_train.dataset.surfaces import NUM_ELEVATIONS, draw_elevation
 
 INDUCTOR_OPTIONS: dict[str, Any] = {
     # By default the compiler writes every long expression to memory and reads it back, and
@@ -128,15 +124,13 @@ class LitMaterial:
     """Reflectance maps of a material under one light.
 
     terms [12, SIZE, SIZE]: Eq. 5's irradiance, S1, Ss, Dd, three channels each;
-    radiance [64, 128, 3]: the map in the camera's frame; alpha; elevation class; kind: of distributions.KINDS, None for
-    the materials and cameras of the paper.
+    radiance [64, 128, 3]: the map in the camera's frame; alpha; elevation class.
     """
 
     terms: torch.Tensor
     radiance: torch.Tensor
     alpha: float
     elevation: int
-    kind: int | None = None
 
 
 BUDGETS = ((0.12, 0.0, 128, 16), (0.3, 0.2, 64, 32), (np.inf, 1.0, 40, 48))
@@ -188,22 +182,6 @@ class Illuminator:
         sampled = self._look(self.maps[number], self._directions @ world)
         radiance = sampled.reshape(MAP_HEIGHT, 4, 2 * MAP_HEIGHT, 4, 3).mean(dim=(1, 3))
         return LitMaterial(terms=torch.cat(terms), radiance=radiance, alpha=alpha, elevation=elevation)
-
-    def draw(self, rng: np.random.Generator, world: float = 0.0) -> LitMaterial:
-        """Light a material of random alpha by a random map and view; half of the maps are mirrored.
-
-        world: share of those of a kind and an alpha of dataset.distributions.
-        """
-        number = int(rng.integers(len(self.maps)))
-        elevation = int(rng.integers(NUM_ELEVATIONS))
-        rotation = world_from_camera(rng.uniform(0, 2 * np.pi), draw_elevation(rng, elevation), rng.normal(0, 0.05))
-        if rng.random() < 0.5:
-            rotation = np.diag([-1.0, 1.0, 1.0]) @ rotation
-        alpha, kind = draw_alpha(rng), None
-        if world > 0 and rng.random() < world:
-            (kind,) = distributions.draw_kinds(rng, 1).tolist()
-            alpha = float(distributions.draw_alphas(rng, np.array([kind]))[0])
-        return replace(self.light(number, rotation, alpha, elevation), kind=kind)
 
 
 def _picture(values: torch.Tensor, size: int) -> torch.Tensor:
