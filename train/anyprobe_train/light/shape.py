@@ -54,7 +54,7 @@ class ShapeNet(nn.Module):
         for up in self.up:
             x = up(x, levels.pop())
         with torch.autocast(x.device.type, enabled=False):
-            n = self.head(x).float() + wo  # untrained, every point faces the camera
+            n = self.head(x.float()) + wo  # untrained, every point faces the camera
             n = F.interpolate(n, size=(side, side), mode="bilinear", align_corners=False)
             return F.normalize(turned_towards(n, ray), dim=1)
 
