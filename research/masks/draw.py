@@ -20,9 +20,7 @@ from anyprobe.core.color import to_bytes
 from anyprobe.estimate.sheet import draw_overlay
 from anyprobe.masks.find import find_mask
 from anyprobe.pictures.images import read_image
-from anyprobe_train.dataset.asset_store import draw_map
-from anyprobe_train.dataset.lighting import Illuminator
-from anyprobe_train.dataset.surfaces import SurfaceConfig, build_surfaces
+from anyprobe_train.dataset.asset_store import load_asset_store
 from anyprobe_train.mask_network.composites import draw_scene
 from anyprobe_train.mask_network.examples import cover_box, unasked_target
 from anyprobe_train.mask_network.foregrounds import TexturePool, ViewSource
@@ -40,9 +38,9 @@ SHEET = Path(__file__).parents[2] / "docs" / "masks.png"
 def main(*, path: Annotated[Path, Parameter(name="-o", help="The sheet.")] = SHEET) -> None:
     """Render scenes, ask four ways, write the sheet."""
     rng = np.random.default_rng(SEED)
-    maps = [draw_map(rng)[0] for _ in range(4)]
-    surfaces = build_surfaces([], SurfaceConfig(views=1, procedural=6, size=256, seed=SEED))
-    views = ViewSource(Illuminator(maps, compiled=False), surfaces, TexturePool(SEED, 40, maps), SEED)
+    store = load_asset_store(None, "test", procedural_maps=4, seed=SEED)
+    textures = TexturePool(SEED, 40, [one.radiance for one in store.maps.values()])
+    views = ViewSource(store, textures, SEED, size=256)
     columns = []
     number = 0
     while len(columns) < 4:

@@ -7,8 +7,6 @@ from collections.abc import Iterator
 import numpy as np
 
 from anyprobe_train.dataset.asset_store import AssetStore
-from anyprobe_train.dataset.lighting import Illuminator
-from anyprobe_train.dataset.surfaces import SurfaceConfig, build_surfaces
 from anyprobe_train.mask_network.composites import draw_scene
 from anyprobe_train.mask_network.examples import cover_box, inside_click, unasked_target
 from anyprobe_train.mask_network.foregrounds import TexturePool, ViewSource
@@ -23,10 +21,8 @@ TEXTURES = 80
 
 def rendered_cases(store: AssetStore, count: int, seed: int) -> Iterator[Case]:
     """Scenes of held-out shapes and maps, each with one object that is meant without a prompt."""
-    surfaces = build_surfaces(list(store.shapes.values()), SurfaceConfig(views=1, procedural=0, size=384))
-    maps = [asset.radiance for asset in store.maps.values()]
-    textures = TexturePool(seed, TEXTURES, maps)
-    yield from drawn_cases(ViewSource(Illuminator(maps, compiled=False), surfaces, textures, seed), count, seed)
+    textures = TexturePool(seed, TEXTURES, [asset.radiance for asset in store.maps.values()])
+    yield from drawn_cases(ViewSource(store, textures, seed, size=384, real_share=1.0), count, seed)
 
 
 def drawn_cases(views: ViewSource, count: int, seed: int) -> Iterator[Case]:

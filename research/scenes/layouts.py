@@ -21,11 +21,10 @@ from anyprobe.scatter.materials import Material
 from anyprobe_train.dataset import distributions
 from anyprobe_train.dataset.asset_store import AssetStore
 from anyprobe_train.dataset.catalog import normalize_map
-from anyprobe_train.dataset.lighting import add_lamp
 from anyprobe_train.dataset.pair import _painted
 from anyprobe_train.dataset.sky import direction_at, tint
 from anyprobe_train.world.covers import Cover, draw_cover
-from anyprobe_train.world.drawn_light import draw_place, draw_procedural_light, draw_real_light, with_lamps
+from anyprobe_train.world.drawn_light import add_lamp, draw_place, draw_procedural_light, draw_real_light, with_lamps
 from research.world.whole_scenes import Panel, Phone, Thing, _draw_second, _placed, _standing
 
 FAMILIES = ("ground", "table", "things", "dark", "procedural")

@@ -15,9 +15,8 @@ pytest.importorskip("onnx", reason="needs ./train[torch]")
 pytest.importorskip("tensorboard", reason="needs ./train[torch]")
 
 from anyprobe.masks.networks import PADDING_GREY, SMALL_PX, SmallNetwork  # noqa: E402
-from anyprobe_train.dataset.asset_store import draw_map  # noqa: E402
-from anyprobe_train.dataset.lighting import Illuminator  # noqa: E402
-from anyprobe_train.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
+from anyprobe_train.dataset.asset_store import AssetStore, draw_map  # noqa: E402
+from anyprobe_train.dataset.catalog import MapAsset  # noqa: E402
 from anyprobe_train.mask_network.composites import Scene, draw_scene  # noqa: E402
 from anyprobe_train.mask_network.examples import PROMPTS, SceneSource, ask, unasked_target  # noqa: E402
 from anyprobe_train.mask_network.foregrounds import TexturePool, ViewSource  # noqa: E402
@@ -36,9 +35,9 @@ from anyprobe_train.train.checkpoint import load_weights, read_init_weights  # n
 @pytest.fixture(scope="module")
 def views():
     rng = np.random.default_rng(0)
-    illuminator = Illuminator([draw_map(rng, height=32)[0] for _ in range(2)], compiled=False)
-    surfaces = build_surfaces([], SurfaceConfig(views=1, procedural=2))
-    return ViewSource(illuminator, surfaces, TexturePool(0, 6, illuminator.maps), seed=0)
+    radiance = [draw_map(rng, height=32)[0] for _ in range(2)]
+    maps = [MapAsset(name="", id=str(k), licence="own", indoor=True, radiance=one) for k, one in enumerate(radiance)]
+    return ViewSource(AssetStore(maps), TexturePool(0, 6, radiance), seed=0, size=96)
 
 
 @pytest.fixture(scope="module")

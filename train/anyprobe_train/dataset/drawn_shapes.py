@@ -175,6 +175,12 @@ def _ring(grid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return grid.reshape(-1, 3), quads(index, np.roll(index, -1, axis=0))
 
 
+def stretched(spread: float, rng: np.random.Generator) -> np.ndarray:
+    """Draw a matrix that stretches along three random directions; spread: standard deviation of ln of its factors."""
+    axes, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    return (axes * np.exp(rng.normal(0.0, spread, 3))) @ axes.T
+
+
 def transformed(mesh: Mesh, matrix: np.ndarray) -> Mesh:
     """Apply a linear map [3, 3] of positive determinant to a mesh and scale it back into the unit sphere."""
     return _moved(

@@ -10,8 +10,7 @@ import torch.nn.functional as F
 
 from anyprobe.core.color import REC709
 from anyprobe.masks.networks import PADDING_GREY
-from anyprobe_train.dataset.batch_shading import take_photos
-from anyprobe_train.dataset.camera import blur, draw_shot, exposure
+from anyprobe_train.dataset.camera import blur, draw_shot, exposure, one_photo
 from anyprobe_train.mask_network.backgrounds import PhotoGrid, draw_background, draw_flat, make_window
 from anyprobe_train.mask_network.foregrounds import LitView, TexturePool
 
@@ -88,8 +87,8 @@ def draw_scene(rng: np.random.Generator, view: LitView, textures: TexturePool, s
         gain = min(gain, WHITE / max(float(bright[photo_area > 0].quantile(0.6)), 1e-6))
     sharper = 0.5 if rng.random() < 0.5 else 1.0
     shot = replace(shot, blur_px=shot.blur_px * sharper * size / SCENE_PX)
-    everywhere = torch.ones(1, 1, size, size)
-    photo = take_photos([shot], picture[None] * gain, everywhere, picture[None] * gain, rng)[0]
+    light, everywhere = (picture * gain).permute(1, 2, 0).numpy(), np.ones((size, size), bool)
+    photo = torch.from_numpy(one_photo(shot, light, everywhere, light, rng)).permute(2, 0, 1) / 255
     photo = torch.where(photo_area > 0, photo, torch.tensor(PADDING_GREY))
     return Scene(photo=photo, covers=seen, bounds=bounds)
 

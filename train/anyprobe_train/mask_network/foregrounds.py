@@ -13,15 +13,17 @@ import numpy as np
 import torch
 import torch.nn.functional as F
 
-from anyprobe.core.color import REC709
+from anyprobe.core.color import luminance
 from anyprobe.core.frames import world_from_camera
-from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
-from anyprobe.light.environment import MAP_HEIGHT
-from anyprobe_train.dataset.batch_shading import pixel_wo, shade_batch
+from anyprobe.core.sampling import hammersley
+from anyprobe.light.environment import MAP_HEIGHT, reduced
+from anyprobe.render.integrate import shade
+from anyprobe.render.mesh import Mesh
+from anyprobe.render.surface import Surface, frame_object, see
+from anyprobe_train.dataset.asset_store import AssetStore
 from anyprobe_train.dataset.distributions import draw_alpha, draw_material
-from anyprobe_train.dataset.lighting import Illuminator
-from anyprobe_train.dataset.sky import tint
-from anyprobe_train.dataset.surfaces import NUM_ELEVATIONS, SurfaceSet, draw_elevation
+from anyprobe_train.dataset.drawn_shapes import draw_shape, figure, part, stretched, transformed
+from anyprobe_train.dataset.sky import horizontal_irradiance, tint
 from anyprobe_train.dataset.textured import draw_texture, smooth_noise
 
 VIEW_PX = 128
@@ -64,8 +66,20 @@ def _crop(rng: np.random.Generator, radiance: np.ndarray | torch.Tensor) -> torc
     return (piece / (1 + 0.5 * piece)).clip(0.02, 0.95)
 
 
-NUM_MATERIALS = 2
-"""Number of lit materials of one view."""
+VIEWPOINT_SINES = (-0.1, 0.95)
+"""Bounds of the sine of a camera's elevation, even between."""
+
+FOV_DEG = (6.0, 50.0)
+"""Bounds of the angle that an object's unit sphere fills; even in its logarithm."""
+
+REAL_SHAPES, STRETCH = 0.5, 0.2
+"""Share of real shapes, if there are any; standard deviation of ln of what stretches all along three directions."""
+
+SMALLEST_COVER = 0.04
+"""Smallest share of its window that an object covers."""
+
+SAMPLES = 16
+"""Directions that the light on a point is summed over."""
 
 FOREGROUNDS = 8
 """Number of objects of one view."""
@@ -104,43 +118,68 @@ class LitView:
 class ViewSource:
     """Source of lit views by number: view k is a function of (seed, k) alone."""
 
-    def __init__(self, illuminator: Illuminator, surfaces: SurfaceSet, textures: TexturePool, seed: int) -> None:
-        self.illuminator, self.surfaces, self.textures, self.seed = illuminator, surfaces, textures, seed
-        self._by_elevation = [np.nonzero(surfaces.elevation == e)[0] for e in range(NUM_ELEVATIONS)]
+    def __init__(
+        self, store: AssetStore, textures: TexturePool, seed: int, size: int = 192, real_share: float = REAL_SHAPES
+    ) -> None:
+        """Draw from the maps and shapes of a store; size: of each object's window."""
+        self.store, self.textures, self.seed, self.size, self.real_share = store, textures, seed, size, real_share
 
     @torch.no_grad()
     def view(self, number: int) -> LitView:
-        """Draw a map, a camera, two lit materials, and eight objects of them."""
+        """Draw a map, a camera, and eight objects."""
         rng = np.random.default_rng((self.seed, 1, number))
-        map_number = int(rng.integers(len(self.illuminator.maps)))
-        band = int(rng.integers(NUM_ELEVATIONS))
-        elevation = draw_elevation(rng, band)
+        light = list(self.store.maps.values())[int(rng.integers(len(self.store.maps)))]
+        elevation = float(np.arcsin(rng.uniform(*VIEWPOINT_SINES)))
         rotation = world_from_camera(rng.uniform(0, 2 * np.pi), elevation, rng.normal(0, 0.05))
         if rng.random() < 0.5:
             rotation = np.diag([-1.0, 1.0, 1.0]) @ rotation
-        lit = [self.illuminator.light(map_number, rotation, draw_alpha(rng), band) for _ in range(NUM_MATERIALS)]
-        ground = _facing(lit[0].radiance.numpy(), rotation.T @ np.array([0.0, 1.0, 0.0]))
-        chosen = [lit[i % NUM_MATERIALS] for i in range(FOREGROUNDS)]
-        index = rng.choice(self._by_elevation[band], FOREGROUNDS)
-        normals = torch.from_numpy(self.surfaces.normals[index]).float()
-        tan_half = torch.from_numpy(self.surfaces.tan_half[index]).reshape(-1, 1, 1, 1)
-        materials = [draw_material(rng, item.alpha) for item in chosen]
-        wo = pixel_wo(tan_half, normals.shape[-1])
-        radiance, _ = shade_batch(chosen, materials, normals, wo)
-        if rng.random() < FLASH_SHARE:
-            radiance = radiance + _flash(rng, normals, ground)
-        cover = (normals.abs().sum(dim=1, keepdim=True) > 0).float()
-        for item, facing in zip(radiance, normals, strict=True):
-            item.mul_(draw_pattern(rng, facing, self.textures))
-        objects = list(torch.cat([radiance * cover, cover], dim=1))
+        ground = horizontal_irradiance(light.radiance) / np.pi
+        power = float(np.exp(rng.uniform(np.log(0.3), np.log(4.0)))) * float(ground.mean())
+        flash = power if rng.random() < FLASH_SHARE else 0.0
+        objects = [self._object(rng, light.id, rotation, elevation, flash) for _ in range(FOREGROUNDS)]
+        scene = np.maximum(luminance(reduced(light.radiance, MAP_HEIGHT)), 1e-4)
         return LitView(
             foregrounds=torch.stack([_join(rng, item, objects) for item in objects]),
-            sky=self.illuminator.maps[map_number],
+            sky=torch.from_numpy(light.radiance),
             world_from_camera=rotation,
             elevation=elevation,
             ground=ground,
-            scene_log_mean=_log_mean(lit[0].radiance.numpy()),
+            scene_log_mean=float(np.exp(np.log(scene).mean())),
         )
+
+    def _object(
+        self, rng: np.random.Generator, map_id: str, rotation: np.ndarray, elevation: float, flash: float
+    ) -> torch.Tensor:
+        """Draw an object [4, S, S], see LitView, lit by a map that is seen through rotation [3, 3], and by a flash."""
+        surface = self._surface(rng, elevation)
+        material = draw_material(rng, draw_alpha(rng))
+        turn = rotation.T.astype(np.float32)
+        pyramid, u = self.store.pyramid(map_id), hammersley(SAMPLES)
+        shading = shade(pyramid, surface.normals @ turn, surface.wo @ turn, float(material.alpha), u)
+        matt = flash * rng.uniform(0.05, 0.9, 3) * surface.normals[:, 2:].clip(min=0.0)
+        shown = np.zeros((7, self.size, self.size), np.float32)
+        shown[:3, surface.mask] = (shading.radiance(material) + matt).T
+        shown[3], shown[4:, surface.mask] = surface.mask, surface.normals.T
+        item, normals = torch.from_numpy(shown).split([4, 3])
+        item[:3] *= draw_pattern(rng, normals, self.textures)
+        return item
+
+    def _surface(self, rng: np.random.Generator, elevation: float) -> Surface:
+        """Draw a shape and see it from a height [radians]."""
+        while True:
+            mesh = transformed(self._shape(rng), stretched(STRETCH, rng))
+            fov_deg = float(np.exp(rng.uniform(*np.log(FOV_DEG))))
+            turned = world_from_camera(rng.uniform(0, 2 * np.pi), elevation)
+            surface = see(mesh, frame_object(mesh, turned, fov_deg, rng.uniform(1.04, 1.2), self.size))
+            if surface.mask.mean() >= SMALLEST_COVER:
+                return surface
+
+    def _shape(self, rng: np.random.Generator) -> Mesh:
+        """Draw a real shape, or one of our own."""
+        shapes = list(self.store.shapes.values())
+        if shapes and rng.random() < self.real_share:
+            return shapes[int(rng.integers(len(shapes)))].mesh
+        return (draw_shape, figure, part)[rng.integers(3)](rng)
 
 
 def draw_pattern(rng: np.random.Generator, normals: torch.Tensor, textures: TexturePool) -> torch.Tensor:
@@ -210,21 +249,3 @@ def _join(rng: np.random.Generator, foreground: torch.Tensor, others: list[torch
     x0 = min(max((x0 + x1 - extent) // 2, 0), 2 * size - extent)
     cut = joined[None, :, y0 : y0 + extent, x0 : x0 + extent]
     return torch.nn.functional.interpolate(cut, size=(size, size), mode="bilinear", antialias=True)[0]
-
-
-def _flash(rng: np.random.Generator, normals: torch.Tensor, ground: np.ndarray) -> torch.Tensor:
-    """Return the light that a flash at the camera adds to matt objects [N, 3, S, S]."""
-    power = float(np.exp(rng.uniform(np.log(0.3), np.log(4.0)))) * float(ground.mean())
-    albedo = torch.from_numpy(rng.uniform(0.05, 0.9, (len(normals), 3, 1, 1)).astype(np.float32))
-    return power * albedo * normals[:, 2:].clip(min=0.0)
-
-
-def _facing(radiance: np.ndarray, up: np.ndarray) -> np.ndarray:
-    """Compute the irradiance / pi [3] of a plane with normal up under a map [64, 128, 3] of the camera's frame."""
-    cosine = np.maximum(pixel_directions(MAP_HEIGHT) @ up, 0.0)
-    weights = cosine * pixel_solid_angles(MAP_HEIGHT)
-    return (radiance * weights[..., None]).sum(axis=(0, 1)) / np.pi
-
-
-def _log_mean(radiance: np.ndarray) -> float:
-    return float(np.exp(np.log(np.maximum(radiance @ np.array(REC709), 1e-4)).mean()))

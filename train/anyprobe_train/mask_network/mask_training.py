@@ -12,8 +12,6 @@ import torch
 from torch.nn import functional as F
 
 from anyprobe_train.dataset.asset_store import AssetStore, load_asset_store, name_assets
-from anyprobe_train.dataset.lighting import Illuminator
-from anyprobe_train.dataset.surfaces import SurfaceConfig, build_surfaces
 from anyprobe_train.mask_network.examples import MaskBatch, SceneConfig, SceneSource
 from anyprobe_train.mask_network.foregrounds import TexturePool, ViewSource
 from anyprobe_train.mask_network.mask_net import MaskNet
@@ -52,9 +50,6 @@ class MaskRunConfig:
     averaged: float = 0.998
     seed: int = 5
     scenes: SceneConfig = field(default_factory=lambda: SceneConfig(seed=105))
-    surfaces: SurfaceConfig = field(
-        default_factory=lambda: SurfaceConfig(views=1, procedural=40, figures=50, parts=25, stretch=0.2, size=192)
-    )
     own_maps: int = 20
 
 
@@ -66,18 +61,14 @@ def small_mask_run(config: MaskRunConfig, steps: int) -> MaskRunConfig:
         steps=steps,
         warmup=2,
         scenes=replace(config.scenes, batch=4, scenes=4, views=2, textures=4),
-        surfaces=replace(config.surfaces, views=1, procedural=2, figures=0, parts=0),
         own_maps=2,
     )
 
 
-def make_scenes(config: MaskRunConfig, store: AssetStore, cache: Path) -> SceneSource:
+def make_scenes(config: MaskRunConfig, store: AssetStore) -> SceneSource:
     """Return the endless scenes of a run: training assets, if there are any, and our own."""
-    radiance = [asset.radiance for asset in store.maps.values()]
-    surfaces = build_surfaces(list(store.shapes.values()), config.surfaces, cache)
-    textures = TexturePool(config.scenes.seed, config.scenes.textures, radiance)
-    views = ViewSource(Illuminator(radiance, compiled=False), surfaces, textures, config.scenes.seed)
-    return SceneSource(views, config.scenes)
+    textures = TexturePool(config.scenes.seed, config.scenes.textures, [one.radiance for one in store.maps.values()])
+    return SceneSource(ViewSource(store, textures, config.scenes.seed), config.scenes)
 
 
 def warned(line: str) -> None:
@@ -138,8 +129,7 @@ def train_mask(
     if scenes is None:
         store = load_asset_store(data, "train", procedural_maps=config.own_maps, report=warned)
         origin = agreed(path, origin, {"assets": name_assets(store)})
-        scenes = make_scenes(config, store, runs / "cache")
-        del store  # hundreds of maps, of which the scenes keep what they need
+        scenes = make_scenes(config, store)
     logger = RunLogger(folder, config.name, ("loss", "iou"), first, last, config.steps)
     saved, examples_per_step = time.monotonic(), config.scenes.batch * config.scenes.prompts
     with logger:

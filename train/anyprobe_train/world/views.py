@@ -20,8 +20,7 @@ from anyprobe.render.surface import pixel_rays
 from anyprobe.render.voxels import SIDE as CELLS
 from anyprobe.render.voxels import voxelize
 from anyprobe_train.dataset.catalog import STRANGE_MESHES, allows_commercial_use, listed_rows
-from anyprobe_train.dataset.drawn_shapes import draw_shape, figure, part, transformed, waved
-from anyprobe_train.dataset.surfaces import stretched
+from anyprobe_train.dataset.drawn_shapes import draw_shape, figure, part, stretched, transformed, waved
 from anyprobe_train.world.march import hidden_bits, nearest_faces
 
 VERSION = 2
