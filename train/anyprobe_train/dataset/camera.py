@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import Any
 
 import numpy as np
-from array_api_compat import array_namespace, device, to_device
+from array_api_compat import array_namespace, device
 from PIL import Image
 
+from anyprobe.core.color import luminance
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.core.response import CameraCurve, response
 from anyprobe.errors import InputError
@@ -120,32 +118,20 @@ def exposure(shot: Shot, object_mean: float, scene: float) -> float:
 
 
 def meter(
-    shots: Sequence[Shot],
-    rng: np.random.Generator,
-    *,
-    maps: Callable[[int], np.ndarray],
-    brightness: Any,
-    on_object: Sequence[float],
-    by_phone: Sequence[bool],
-) -> tuple[list[Shot], list[float]]:
-    """Return the shots of N objects as metered, and the gains from radiance to exposure units before white balance.
+    shot: Shot, light: np.ndarray, object_mean: float, by_phone: bool, rng: np.random.Generator
+) -> tuple[Shot, float]:
+    """Return the shot as metered, and the gain from radiance to exposure units before white balance.
 
-    Args:
-        maps: from an object's number to its map [H, 2H, 3], before any exposure.
-        brightness: luminance of the maps [N, H, 2H], of NumPy or torch.
-        on_object: mean luminance of each object.
-        by_phone: which are metered and balanced as phones do it (phone_shot).
+    light: the map [H, 2H, 3] before any exposure. object_mean: mean luminance of the object. by_phone: whether it is
+    metered and balanced as phones do it (phone_shot).
     """
-    xp = array_namespace(brightness)
-    # a camera that meters the whole scene sees exp(mean ln luminance)
-    scene = xp.exp(xp.mean(xp.log(xp.clip(brightness, 1e-4, None)), axis=(1, 2))).tolist()
-    metered = list(shots)
-    for k in np.flatnonzero(by_phone).tolist():
-        radiance = maps(k)
-        ambient = (radiance * pixel_solid_angles(len(radiance))[..., None]).sum(axis=(0, 1))
-        metered[k] = phone_shot(shots[k], ambient, rng)
-        scene[k] = float(distributions.frame_level(np.asarray(to_device(brightness[k], "cpu"))))
-    return metered, [exposure(*seen) for seen in zip(metered, on_object, scene, strict=True)]
+    brightness = luminance(light)
+    if by_phone:
+        ambient = (light * pixel_solid_angles(len(light))[..., None]).sum(axis=(0, 1))
+        shot, scene = phone_shot(shot, ambient, rng), distributions.frame_level(brightness)
+    else:  # a camera that meters the whole scene sees exp(mean ln luminance)
+        scene = np.exp(np.log(np.clip(brightness, 1e-4, None)).mean())
+    return shot, exposure(shot, object_mean, float(scene))
 
 
 def gaussian_rows(size: int, sigma: float) -> np.ndarray:
@@ -166,12 +152,6 @@ def blur(planes, sigma: float):
     return rows @ planes @ rows.T
 
 
-def column_of(values, like) -> Any:
-    """Convert one number or three per picture to [N, C, 1, 1] float32, an array of the kind and device of another."""
-    values = np.asarray(values, np.float32).reshape(len(values), -1, 1, 1)
-    return array_namespace(like).asarray(values, device=device(like))
-
-
 def compress(picture: np.ndarray, quality: int, subsampling: str) -> np.ndarray:
     """Compress a picture [S, S, 3] uint8 as JPEG and decode it."""
     with io.BytesIO() as stream:
@@ -180,56 +160,37 @@ def compress(picture: np.ndarray, quality: int, subsampling: str) -> np.ndarray:
             return np.array(stored)
 
 
-def take_photo(shots: Sequence[Shot], radiance, mask, background, grain, tone: Callable | None = None) -> Any:
-    """Take photos as cameras do: white balance, lens, curve, noise, 8 bits, JPEG.
+def one_photo(
+    shot: Shot, radiance: np.ndarray, mask: np.ndarray, background: np.ndarray | None, rng: np.random.Generator
+) -> np.ndarray:
+    """Take a photo as cameras do: white balance, lens, curve, noise, 8 bits, JPEG.
 
     The lens blurs light, before the curve clips it: a light source spreads as it does in a
     camera, brighter than white, and the object's rim takes from what is behind it.
 
     Args:
-        radiance: [N, 3, S, S] of the objects in exposure units before white balance.
-        mask: [N, 1, S, S] bool, where the objects are in truth.
-        background: [N, 3, S, S] likewise; None for black, of which then nothing comes onto
+        radiance: [S, S, 3] of the object in exposure units before white balance.
+        mask: [S, S] bool, where the object is in truth.
+        background: [S, S, 3] likewise; None for black, of which then nothing comes onto
             the object: neither the blur nor JPEG knows of it.
-        grain: [N, 3, S, S], normal numbers of deviation 1 for the noise.
-        tone: the cameras' response; None: that of a single photo's curve.
+        rng: of the noise.
     Returns:
-        [N, 3, S, S] float32, whole numbers from 0 to 255; arrays of the same kind.
+        [S, S, 3] uint8.
     """
-    xp = array_namespace(radiance)
-    tone = tone or partial(response, curve=shots[0].curve)
-    behind = xp.zeros_like(radiance) if background is None else background
-    scene = xp.where(mask, radiance, behind) * column_of([shot.white_balance for shot in shots], radiance)
-    cover = xp.astype(mask, scene.dtype)
-    for k, shot in enumerate(shots):
-        if shot.blur_px > 0.0:
-            scene[k] = blur(scene[k], shot.blur_px)
-            if background is None:
-                scene[k] = scene[k] / xp.clip(blur(cover[k], shot.blur_px), 1e-6, None)
-    display = tone(scene)
-    levels = xp.round(xp.clip(display + grain * column_of([shot.noise for shot in shots], radiance), 0.0, 1.0) * 255.0)
-    for k, shot in enumerate(shots):
-        if shot.jpeg_quality is None:
-            continue
-        if background is None and mask[k].any():
-            mean = xp.mean(display[k][:, mask[k, 0]], axis=1)
-            levels[k] = xp.where(mask[k], levels[k], xp.round(xp.clip(mean, 0.0, 1.0) * 255.0)[:, None, None])
-        picture = np.moveaxis(np.asarray(to_device(levels[k], "cpu")), 0, -1).astype(np.uint8, order="C")
-        stored = compress(picture, shot.jpeg_quality, shot.jpeg_subsampling).astype(np.float32)
-        levels[k] = xp.asarray(np.moveaxis(stored, -1, 0), device=device(levels))
-    return levels * cover if background is None else levels
-
-
-def as_planes(picture: np.ndarray) -> np.ndarray:
-    """Convert a picture [S, S, 3] to [1, 3, S, S] float32, as take_photo takes it."""
-    return np.ascontiguousarray(np.moveaxis(picture, -1, 0)[None], dtype=np.float32)
-
-
-def one_photo(
-    shot: Shot, radiance: np.ndarray, mask: np.ndarray, background: np.ndarray | None, rng: np.random.Generator
-) -> np.ndarray:
-    """Take one photo of [S, S, 3], mask [S, S] and background [S, S, 3] or None, grain by rng: [S, S, 3] uint8."""
-    behind = None if background is None else as_planes(background)
-    grain = as_planes(rng.standard_normal(radiance.shape, np.float32))
-    levels = take_photo([shot], as_planes(radiance), mask[None, None], behind, grain)[0]
-    return np.moveaxis(levels, 0, -1).astype(np.uint8, order="C")
+    grain = np.moveaxis(rng.standard_normal(radiance.shape, np.float32), -1, 0)
+    behind = np.float32(0) if background is None else background
+    scene = np.moveaxis(np.where(mask[..., None], radiance, behind), -1, 0).astype(np.float32, order="C")
+    scene = scene * np.asarray(shot.white_balance, np.float32)[:, None, None]
+    if shot.blur_px > 0.0:
+        scene = blur(scene, shot.blur_px)
+        if background is None:
+            scene = scene / np.clip(blur(mask.astype(np.float32), shot.blur_px), 1e-6, None)
+    display = response(scene, curve=shot.curve)
+    levels = np.round(np.clip(display + grain * np.float32(shot.noise), 0.0, 1.0) * 255.0)
+    if shot.jpeg_quality is not None and background is None and mask.any():
+        mean = display[:, mask].mean(axis=1)
+        levels = np.where(mask, levels, np.round(np.clip(mean, 0.0, 1.0) * 255.0)[:, None, None])
+    picture = np.moveaxis(levels, 0, -1).astype(np.uint8, order="C")
+    if shot.jpeg_quality is not None:
+        picture = compress(picture, shot.jpeg_quality, shot.jpeg_subsampling)
+    return picture * mask[..., None] if background is None else picture

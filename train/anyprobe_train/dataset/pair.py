@@ -106,14 +106,7 @@ def render_pair(recipe: Recipe, store: AssetStore, trace: Trace | None = None) -
     light = reduced(rotate(asset.radiance, map_from_camera.T), MAP_HEIGHT)
     picture = np.zeros((*surface.mask.shape, 3), reflected.dtype)
     picture[surface.mask] = reflected
-    (shot,), (gain,) = meter(
-        [shot],
-        rng,
-        maps=lambda _: light,
-        brightness=luminance(light)[None],
-        on_object=[float(luminance(reflected).mean())],
-        by_phone=[recipe.conditions == WORLD],
-    )
+    shot, gain = meter(shot, light, float(luminance(reflected).mean()), recipe.conditions == WORLD, rng)
     background, mask = None, surface.mask
     if recipe.conditions:
         away = -pixel_rays(camera.tan_half, camera.size) @ turn
