@@ -192,9 +192,7 @@ def gltfs() -> list[bytes]:
 
 
 def pack(data: bytes) -> None:
-    path = folder() / "input.gltf"
-    path.write_bytes(data)
-    document = read_gltf(path, "m")
+    document = read_gltf(data, "m")
     buffers = {name: bytes(36) for name in buffer_paths(document)}
     pack_glb(document, buffers, "m")
 

@@ -45,7 +45,6 @@ class PolyHaven:
         self.bodies: dict[str, bytes] = {}
         self.faults: dict[str, list[Fault]] = defaultdict(list)
         self.requests: list[Request] = []
-        self.ranges = True
         self.at_once = self.most_at_once = 0
         self._lock = threading.Lock()
         self._server = ThreadingHTTPServer(("127.0.0.1", 0), self._handler())
@@ -127,20 +126,10 @@ class PolyHaven:
             def answer(self, fault: Fault) -> None:
                 body = house._answer(self.path) if fault.body is None else fault.body
                 status = fault.status or (404 if body is None else 200)
-                headers = dict(fault.headers)
                 if status != 200:
                     body = b"no"
-                asked = self.headers.get("Range", "")
-                if status == 200 and house.ranges and asked:
-                    start = int(asked.removeprefix("bytes=").removesuffix("-"))
-                    if start >= len(body):
-                        status, body = 416, b""
-                    else:
-                        status = 206
-                        headers["Content-Range"] = f"bytes {start}-{len(body) - 1}/{len(body)}"
-                        body = body[start:]
                 self.send_response(status)
-                for name, value in {"Content-Length": str(len(body)), **headers}.items():
+                for name, value in {"Content-Length": str(len(body)), **fault.headers}.items():
                     self.send_header(name, value)
                 self.end_headers()
                 body = body[: fault.end_after]

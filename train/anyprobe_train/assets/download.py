@@ -1,7 +1,6 @@
 """A polite HTTP client: one request at a time, a pause between two, patience with a busy server.
 
-Files come in pieces: what has arrived lies in a part file, the next attempt asks for the rest only
-(Range), and nothing counts as there before its MD5 agrees. Standard library only.
+Nothing counts as there before its MD5 agrees. Standard library only.
 """
 
 from __future__ import annotations
@@ -10,20 +9,18 @@ import email.utils
 import hashlib
 import http.client
 import json
-import re
 import ssl
 import time
 import urllib.error
 import urllib.parse
 import urllib.request
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TypeVar
+from typing import Any
 
 from anyprobe import __version__
-from anyprobe.errors import AnyprobeError, OutputError
+from anyprobe.errors import AnyprobeError
 
 USER_AGENT = f"anyprobe/{__version__} (anyprobe_train.assets)"
 """Poly Haven's terms ask for one that names the software."""
@@ -35,7 +32,7 @@ TIMEOUT_S = 30.0
 """Without a byte from the server."""
 
 ATTEMPTS = 5
-"""In a row without a new byte; then the file fails."""
+"""In a row; then the file fails."""
 
 BACKOFF_S = 1.0
 """Wait before the second attempt; it doubles, up to MAX_BACKOFF_S, unless the server says how long."""
@@ -49,7 +46,6 @@ MAX_JSON_BYTES = 64 * 2**20
 CHUNK_BYTES = 2**16
 
 Watch = Callable[[int, int | None], None]
-Result = TypeVar("Result")
 
 
 class DownloadError(AnyprobeError):
@@ -121,74 +117,46 @@ class Client:
             )
         return answer
 
-    def download(self, remote: RemoteFile, part: Path, watch: Watch = lambda done, total: None) -> Path:
-        """Bring a file to `part`, going on where an earlier attempt or run stopped; return `part`.
-
-        Name the part after the MD5: then a file that changed is not mixed with its older self.
+    def download(self, remote: RemoteFile, watch: Watch = lambda done, total: None) -> bytes:
+        """Return a file, whose MD5 agrees.
 
         Raises:
-            DownloadError: it cannot be had, or has the wrong MD5 twice; the part is then gone.
-            OutputError: the disk refuses.
+            DownloadError: it cannot be had, or has the wrong MD5 twice.
         """
         mismatches = 0
 
-        def attempt() -> Path:
+        def attempt() -> bytes:
             nonlocal mismatches
-            if not part.is_file() or _size(part) != remote.size:
-                self._transfer(remote, part, watch)
-            found = md5_of(part)
+            body = self._transfer(remote, watch)
+            found = md5_of(body)
             if found != remote.md5:
-                part.unlink()
                 mismatches += 1
                 trouble = f"expected MD5 {remote.md5}, got {found}"
                 if mismatches == 2:
                     raise DownloadError(f"{remote.url}: {trouble}, twice; tell the publisher")
                 raise _Transient(trouble)
-            return part
+            return body
 
-        return self._patiently(remote.url, attempt, lambda: _size(part))
+        return self._patiently(remote.url, attempt)
 
-    def _transfer(self, remote: RemoteFile, part: Path, watch: Watch) -> None:
-        start = _size(part)
-        if remote.size is not None and start > remote.size:
-            start = 0
-        with self._open(remote.url, {"Range": f"bytes={start}-"} if start else {}) as response:
-            if response.status == 416:
-                part.unlink()
-                raise _Transient("the server will not go on from there")
-            said = re.match(r"bytes (\d+)-", response.headers.get("Content-Range", ""))
-            if response.status != 206 or said is None:
-                start = 0  # the whole file comes, whatever was asked for
-            elif int(said[1]) != start:
-                part.unlink()
-                raise _Transient(f"asked for byte {start}, got byte {said[1]}")
+    def _transfer(self, remote: RemoteFile, watch: Watch) -> bytes:
+        body = bytearray()
+        with self._open(remote.url) as response:
             length = response.headers.get("Content-Length", "")
-            total = remote.size
-            if total is None and length.isdecimal():
-                total = start + int(length)
-            done = start
-            with _writing(part):
-                # unbuffered: otherwise a full disk is found when closing and taken for a bad connection
-                stream = part.open("ab" if start else "wb", buffering=0)
-            with stream:
-                while chunk := response.read1(CHUNK_BYTES):
-                    done += len(chunk)
-                    if total is not None and done > total:
-                        break
-                    with _writing(part):
-                        while chunk:
-                            chunk = chunk[stream.write(chunk) :]
-                    watch(done, total)
-        if total is not None and done > total:
-            part.unlink()
+            total = int(length) if remote.size is None and length.isdecimal() else remote.size
+            while (total is None or len(body) <= total) and (chunk := response.read1(CHUNK_BYTES)):
+                body += chunk
+                watch(len(body), total)
+        if total is not None and len(body) > total:
             raise DownloadError(f"{remote.url}: expected {total} bytes, got more; tell the publisher")
-        if total is not None and done < total:
-            raise _Transient(f"the connection ended after {done} of {total} bytes")
+        if total is not None and len(body) < total:
+            raise _Transient(f"the connection ended after {len(body)} of {total} bytes")
+        return bytes(body)
 
     @contextmanager
-    def _open(self, url: str, headers: dict[str, str] | None = None):
-        """Yield a response of status 200, 206 or 416; network trouble inside the block becomes _Transient."""
-        headers = {"User-Agent": USER_AGENT, "Accept-Encoding": "identity", **(headers or {})}
+    def _open(self, url: str) -> Iterator[Any]:
+        """Yield a response of status 200; network trouble inside the block becomes _Transient."""
+        headers = {"User-Agent": USER_AGENT, "Accept-Encoding": "identity"}
         if not url.startswith(("http://", "https://")):
             raise DownloadError(f"{url}: expected a http or https address")
         time.sleep(max(0.0, self._free_at - time.monotonic()))
@@ -199,15 +167,10 @@ class Client:
                 yield response
         except urllib.error.HTTPError as error:
             with error:
-                if error.code == 416:
-                    yield error
-                elif error.code in (408, 425, 429) or error.code >= 500:
+                if error.code in (408, 425, 429) or error.code >= 500:
                     wait_s = _retry_after_s(error.headers.get("Retry-After"))
                     raise _Transient(f"HTTP {error.code} {error.reason}", wait_s) from error
-                else:
-                    raise DownloadError(f"{url}: HTTP {error.code} {error.reason}") from error
-        except OutputError:  # an OSError too, but the disk's
-            raise
+                raise DownloadError(f"{url}: HTTP {error.code} {error.reason}") from error
         except (http.client.InvalidURL, ValueError) as error:  # not an address; no second try
             raise DownloadError(f"{url}: expected an address ({error})") from error
         except (OSError, http.client.HTTPException) as error:
@@ -218,16 +181,14 @@ class Client:
         finally:
             self._free_at = time.monotonic() + self._pause_s
 
-    def _patiently(self, url: str, attempt: Callable[[], Result], progress: Callable[[], int] = lambda: 0) -> Result:
-        """Try until it works or ATTEMPTS in a row bring nothing new."""
-        failures, most = 0, progress()
+    def _patiently(self, url: str, attempt: Callable[[], bytes]) -> bytes:
+        """Try until it works, at most ATTEMPTS times."""
+        failures = 0
         while True:
             try:
                 return attempt()
             except _Transient as trouble:
                 failures += 1
-                if progress() > most:
-                    failures, most = 1, progress()
                 if failures == ATTEMPTS:
                     raise DownloadError(f"{url}: {trouble}, {ATTEMPTS} times in a row; try later") from trouble
                 wait_s = trouble.wait_s
@@ -242,24 +203,9 @@ class Client:
                 time.sleep(wait_s)
 
 
-def md5_of(path: Path) -> str:
-    """MD5 of a file, in hexadecimal."""
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, lambda: hashlib.md5(usedforsecurity=False)).hexdigest()
-
-
-def _size(path: Path) -> int:
-    return path.stat().st_size if path.is_file() else 0
-
-
-@contextmanager
-def _writing(path: Path):
-    try:
-        yield
-    except OSError as error:
-        raise OutputError(
-            f"cannot be written ({error.strerror}); choose another folder or free some space", source=path
-        ) from error
+def md5_of(data: bytes) -> str:
+    """MD5 in hexadecimal."""
+    return hashlib.md5(data, usedforsecurity=False).hexdigest()
 
 
 def _retry_after_s(text: str | None) -> float | None:

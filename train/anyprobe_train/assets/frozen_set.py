@@ -109,13 +109,12 @@ def _fetch(one: FrozenFile, to: Path, client: Client, host: str) -> FileOutcome:
         return FileOutcome(file_row=one, status="complete")
     if not one.md5:
         return FileOutcome(file_row=one, status="cannot be had")
-    target.parent.mkdir(parents=True, exist_ok=True)
     url = host.rstrip("/") + one.url_path
     try:
-        part = client.download(RemoteFile(url=url, md5=one.md5), target.with_name(f"{target.stem}.{one.md5}.part"))
+        data = client.download(RemoteFile(url=url, md5=one.md5))
         with atomic_path(target) as temporary:
             make = _make_map if target.suffix == ".exr" else _make_shape
-            make(one, part.read_bytes(), temporary)
+            make(one, data, temporary)
             found = hashlib.sha256(temporary.read_bytes()).hexdigest()
             if found != one.sha256:
                 raise DownloadError(
@@ -126,7 +125,6 @@ def _fetch(one: FrozenFile, to: Path, client: Client, host: str) -> FileOutcome:
             name = "/".join(Path(one.file).parts[1:])
             row = {"file": name, "category": one.category, "licence": one.licence, "source": one.source}
             manifest.put(row | {"url": url, "md5": one.md5, "split": "test"})
-        part.unlink()
     except ServerBusy:
         raise
     except AnyprobeError as error:

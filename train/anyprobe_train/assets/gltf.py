@@ -11,7 +11,6 @@ import base64
 import json
 import urllib.parse
 from collections.abc import Mapping
-from pathlib import Path
 
 from anyprobe.errors import InvalidMesh
 from anyprobe.files.meshes import glb_file
@@ -24,14 +23,14 @@ NODE_KEYS = ("name", "children", "mesh", "matrix", "translation", "rotation", "s
 DATA_URI = "data:"
 
 
-def read_gltf(path: Path, name: str) -> dict:
+def read_gltf(data: bytes, name: str) -> dict:
     """Read a .gltf document whose triangles can be packed.
 
     Raises:
         InvalidMesh: not glTF 2, compressed, or more than MAX_FACES triangles.
     """
     try:
-        document = json.loads(path.read_bytes())
+        document = json.loads(data)
         version = document["asset"]["version"]
         required = document.get("extensionsRequired", [])
         faces = _count_faces(document)

@@ -1,11 +1,9 @@
-"""manifest.csv beside the files it lists, read and changed while other processes may change it too."""
+"""manifest.csv beside the files it lists."""
 
 from __future__ import annotations
 
 import csv
-import os
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Sequence
 from pathlib import Path
 
 from anyprobe.files.atomic import atomic_path
@@ -13,10 +11,7 @@ from anyprobe_train.dataset.catalog import Row, read_table
 
 
 class Manifest:
-    """manifest.csv: one row a file, ours or another's, written whole at every change.
-
-    Several processes may change one table at a time.
-    """
+    """manifest.csv: one row a file, ours or another's, written whole at every change."""
 
     def __init__(self, path: Path, columns: Sequence[str]) -> None:
         self.path, self._ours = path, list(columns)
@@ -35,35 +30,16 @@ class Manifest:
         return any(Path(row["file"]).stem == slug and row.get("source") != source for row in self.rows)
 
     def put(self, row: Row) -> None:
-        """Add a row, or replace the one with the same source; rows that others added meanwhile stay. The folder is
-        there."""
-        with _locked(self.path.parent):
-            self._read()
-            old = self.row(row["source"])
-            if old is None:
-                self.rows.append(row)
-            elif {**old, **row} == old:
-                return
-            else:
-                self.rows[self.rows.index(old)] = {**old, **row}
-            with atomic_path(self.path) as temporary, temporary.open("w", newline="", encoding="utf-8") as stream:
-                writer = csv.DictWriter(stream, self.columns, restval="", extrasaction="ignore")
-                writer.writeheader()
-                writer.writerows(self.rows)
-
-
-@contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    """Wait until no other process holds the folder, and hold it within the block; not on Windows, which lacks fcntl."""
-    try:
-        import fcntl
-    except ImportError:
-        yield
-        return
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        with suppress(OSError):  # some shared file systems have no locks
-            fcntl.flock(descriptor, fcntl.LOCK_EX)
-        yield
-    finally:
-        os.close(descriptor)
+        """Add a row, or replace the one with the same source; rows that others added since it was read stay."""
+        self._read()
+        old = self.row(row["source"])
+        if old is None:
+            self.rows.append(row)
+        elif {**old, **row} == old:
+            return
+        else:
+            self.rows[self.rows.index(old)] = {**old, **row}
+        with atomic_path(self.path) as temporary, temporary.open("w", newline="", encoding="utf-8") as stream:
+            writer = csv.DictWriter(stream, self.columns, restval="", extrasaction="ignore")
+            writer.writeheader()
+            writer.writerows(self.rows)

@@ -85,10 +85,10 @@ def list_assets(client: Client, kind: str, api: str = API) -> list[Asset]:
     return assets
 
 
-def choose(assets: Iterable[Asset], categories: Iterable[str] = (), limit: int = 0) -> list[Asset]:
-    """Return the assets in all of the categories, at most `limit` (0: all), in an order of no meaning.
+def choose(assets: Iterable[Asset], categories: Iterable[str] = ()) -> list[Asset]:
+    """Return the assets in all of the categories, in an order of no meaning.
 
-    The order is that of a hash of the slug, so that a few are a fair sample, and a larger limit adds to a smaller one.
+    The order is that of a hash of the slug, so that the first are a fair sample, and more of them add to it.
 
     Raises:
         InputError: none is left; the message names the categories there are.
@@ -103,7 +103,7 @@ def choose(assets: Iterable[Asset], categories: Iterable[str] = (), limit: int =
             f"no {assets[0].kind} are in all of: {', '.join(sorted(wanted))}; the largest are {known}",
             subject="category",
         )
-    return left[:limit] if limit else left
+    return left
 
 
 def family(slug: str) -> str:
@@ -157,7 +157,7 @@ class Library:
         old = folder / row["file"] if row else target
         if manifest.has_other(asset.source, asset.slug):
             return "kept", 0
-        whole = row is not None and old.is_file() and md5_of(old) == row.get("md5")
+        whole = row is not None and old.is_file() and md5_of(old.read_bytes()) == row.get("md5")
         same = whole and old.suffix == target.suffix and row.get("resolution", "") == resolution
         if same and asset.files_hash and row.get("files_hash") == asset.files_hash:
             return self._complete(manifest, row, old, target, split)
@@ -181,25 +181,21 @@ class Library:
         if same and row.get("upstream_md5") == upstream:
             return self._complete(manifest, {**row, "files_hash": asset.files_hash}, old, target, split)
         if row is None and target.is_file():
-            if not is_map or md5_of(target) != upstream:
+            if not is_map or md5_of(target.read_bytes()) != upstream:
                 return "kept", 0
             manifest.put(new)
             return "complete", 0
 
-        parts = self._download(sources, target, watch)
-        num_bytes = sum(path.stat().st_size for path in parts.values())
+        parts = self._download(sources, asset.slug, watch)
+        body = parts[""] if is_map else _pack(parts, asset.slug)
         with atomic_path(target) as temporary:
+            temporary.write_bytes(body)
             if is_map:
-                os.replace(parts[""], temporary)
                 _check_map(temporary, target.name)
-            else:
-                temporary.write_bytes(_pack(parts, asset.slug))
-            manifest.put(new | {"md5": md5_of(temporary)})  # before the rename: no file without its licence
+            manifest.put(new | {"md5": md5_of(body)})  # before the rename: no file without its licence
         if whole and old != target:
             old.unlink()
-        for part in target.parent.glob(f"{asset.slug}.*.part"):
-            part.unlink()
-        return "fetched", num_bytes
+        return "fetched", sum(map(len, parts.values()))
 
     def _complete(self, manifest: Manifest, row: dict, old: Path, target: Path, split: str) -> tuple[str, int]:
         """Leave the file as it is, or move it to the split it now belongs to."""
@@ -209,15 +205,12 @@ class Library:
         manifest.put({**row, "file": f"{split}/{target.name}", "split": split})
         return "complete", 0
 
-    def _download(self, sources: dict[str, RemoteFile], target: Path, watch: Watch) -> dict[str, Path]:
-        """Fetch the files of an asset as whole parts beside the target; of a glTF, only those with triangles."""
-        target.parent.mkdir(parents=True, exist_ok=True)
-        parts = {}
+    def _download(self, sources: dict[str, RemoteFile], slug: str, watch: Watch) -> dict[str, bytes]:
+        """Fetch the files of an asset; of a glTF, only those with triangles."""
+        parts: dict[str, bytes] = {}
         for path, remote in sources.items():
-            if path and path not in buffer_paths(read_gltf(parts[""], target.stem)):
-                continue
-            part = target.with_name(f"{target.stem}.{remote.md5}.part")
-            parts[path] = self.client.download(remote, part, watch)
+            if not path or path in buffer_paths(read_gltf(parts[""], slug)):
+                parts[path] = self.client.download(remote, watch)
         return parts
 
 
@@ -249,12 +242,12 @@ def _pixels(resolution: str) -> int:
     return int(resolution.removesuffix("k"))
 
 
-def _pack(parts: dict[str, Path], name: str) -> bytes:
+def _pack(parts: dict[str, bytes], name: str) -> bytes:
     document = read_gltf(parts[""], name)
     missing = [path for path in buffer_paths(document) if path not in parts]
     if missing:
         raise DownloadError(f"its glTF needs {', '.join(missing)}, which the API does not list")
-    return pack_glb(document, {path: part.read_bytes() for path, part in parts.items() if path}, name)
+    return pack_glb(document, parts, name)
 
 
 def _check_map(path: Path, name: str) -> None:
