@@ -18,7 +18,7 @@ from anyprobe_train.world.hits import grid_start, panel_point
 from anyprobe_train.world.kernels import light_panels, probe_map
 from anyprobe_train.world.layout import Layout, Panel, build_scene, falling
 from anyprobe_train.world.lights import Light, Turn, joined, levels
-from anyprobe_train.world.march import blocked_each
+from anyprobe_train.world.march import blocked_cells
 from anyprobe_train.world.scene import FREE, GRID_POINTS, LIT
 from anyprobe_train.world.views import VIEW
 
@@ -133,7 +133,8 @@ def test_compiled_rays_are_those_of_the_runtime():
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     voxels = voxelize(sphere(48))
     found = first_faces(voxels, origins, directions) >= 0
-    np.testing.assert_array_equal(found, blocked_each(voxels.words, voxels.low, voxels.cell, origins, directions))
+    rays = np.concatenate([(origins - voxels.low) / voxels.cell, directions / voxels.cell], axis=1)
+    np.testing.assert_array_equal(found, [blocked_cells(voxels.words, *ray, 1e9) >= 0 for ray in rays])
     along = (origins * directions).sum(axis=1)
     nearest = np.sqrt(np.maximum((origins**2).sum(axis=1) - np.minimum(along, 0.0) ** 2, 0.0))
     clear = np.abs(nearest - 1) > 0.08

@@ -17,7 +17,6 @@ from typing import Any
 
 import numpy as np
 
-from anyprobe_train.dataset.processes import one_thread
 from anyprobe_train.world.batch import LightBatch, World, make_batch
 
 SEEN = 4
@@ -45,9 +44,8 @@ class Feed:
     ) -> None:
         """Start the processes. settings: of World.open."""
         self.seed, self.step = seed, step
-        with one_thread():
-            context, start = get_context("spawn"), (data, cache, settings)
-            self._pool = ProcessPoolExecutor(workers, context, _open, start)
+        context, start = get_context("spawn"), (data, cache, settings)
+        self._pool = ProcessPoolExecutor(workers, context, _open, start)
         self._round, self._offset = _round_of(step)
         self._pending: deque[Future[LightBatch]] = deque()
         self._groups: deque[list[LightBatch]] = deque(maxlen=SEEN)

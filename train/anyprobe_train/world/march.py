@@ -63,28 +63,6 @@ def blocked_cells(words, x, y, z, dx, dy, dz, most):
 
 
 @compiled
-def blocked_each(words, low, cell, origins, directions):
-    """Return render.voxels.blocked of rays [N, 3], for tests and views."""
-    result = np.zeros(len(origins), np.bool_)
-    for k in range(len(origins)):
-        o, d = origins[k], directions[k]
-        result[k] = (
-            blocked_cells(
-                words,
-                (o[0] - low[0]) / cell[0],
-                (o[1] - low[1]) / cell[1],
-                (o[2] - low[2]) / cell[2],
-                d[0] / cell[0],
-                d[1] / cell[1],
-                d[2] / cell[2],
-                1e9,
-            )
-            >= 0.0
-        )
-    return result
-
-
-@compiled
 def hidden_bits(words, low, cell, points, normals, azimuths, rings, own, seed):
     """Return bits [N, 2] uint64 of the cells about +Y, each by one jittered ray, that a shape hides from points [N, 3]
     of itself; rays start `own` before the surface along the normal."""
