@@ -80,17 +80,6 @@ class Client:
         self._pause_s = pause_s
         self._say = say
         self._free_at = 0.0
-        self._opener = urllib.request.OpenerDirector()
-        for handler in (  # as build_opener, without file:, data: and ftp:
-            urllib.request.ProxyHandler,
-            urllib.request.UnknownHandler,
-            urllib.request.HTTPHandler,
-            urllib.request.HTTPSHandler,
-            urllib.request.HTTPDefaultErrorHandler,
-            urllib.request.HTTPRedirectHandler,
-            urllib.request.HTTPErrorProcessor,
-        ):
-            self._opener.add_handler(handler())
 
     def get_json(self, url: str) -> dict:
         """Return the JSON object at a URL.
@@ -162,7 +151,7 @@ class Client:
         time.sleep(max(0.0, self._free_at - time.monotonic()))
         try:
             quoted = urllib.parse.quote(url, safe="%/:?#[]@!$&'()*+,;=~")
-            response = self._opener.open(urllib.request.Request(quoted, headers=headers), timeout=TIMEOUT_S)
+            response = urllib.request.urlopen(urllib.request.Request(quoted, headers=headers), timeout=TIMEOUT_S)
             with response:
                 yield response
         except urllib.error.HTTPError as error:

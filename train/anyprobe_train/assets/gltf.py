@@ -11,6 +11,7 @@ import base64
 import json
 import urllib.parse
 from collections.abc import Mapping
+from functools import cache
 
 from anyprobe.errors import InvalidMesh
 from anyprobe.files.meshes import glb_file
@@ -66,33 +67,28 @@ def pack_glb(document: dict, buffers: Mapping[str, bytes], name: str) -> bytes:
 
 def _pack(document: dict, buffers: Mapping[str, bytes]) -> bytes:
     body = bytearray()
-    views: dict[int, int] = {}
-    accessors: dict[int, int] = {}
     new_views, new_accessors, new_meshes = [], [], []
 
+    @cache
     def keep_view(old: int) -> int:
-        if old not in views:
-            view = document["bufferViews"][old]
-            data = _buffer(document["buffers"][view["buffer"]], buffers)
-            start, length = view.get("byteOffset", 0), view["byteLength"]
-            if not 0 <= start <= start + length <= len(data):
-                raise ValueError(f"bufferView {old} ends at byte {start + length} of {len(data)}")
-            body.extend(bytes(-len(body) % 4))
-            kept = {"buffer": 0, "byteOffset": len(body), "byteLength": length}
-            views[old] = len(new_views)
-            new_views.append(kept | {key: view[key] for key in ("byteStride",) if key in view})
-            body.extend(data[start : start + length])
-        return views[old]
+        view = document["bufferViews"][old]
+        data = _buffer(document["buffers"][view["buffer"]], buffers)
+        start, length = view.get("byteOffset", 0), view["byteLength"]
+        if not 0 <= start <= start + length <= len(data):
+            raise ValueError(f"bufferView {old} ends at byte {start + length} of {len(data)}")
+        body.extend(bytes(-len(body) % 4))
+        kept = {"buffer": 0, "byteOffset": len(body), "byteLength": length}
+        new_views.append(kept | {key: view[key] for key in ("byteStride",) if key in view})
+        body.extend(data[start : start + length])
+        return len(new_views) - 1
 
+    @cache
     def keep_accessor(old: int) -> int:
-        if old not in accessors:
-            accessor = document["accessors"][old]
-            if "sparse" in accessor:
-                raise ValueError(f"accessor {old} is sparse")
-            view = keep_view(accessor["bufferView"])
-            accessors[old] = len(new_accessors)
-            new_accessors.append(accessor | {"bufferView": view})
-        return accessors[old]
+        accessor = document["accessors"][old]
+        if "sparse" in accessor:
+            raise ValueError(f"accessor {old} is sparse")
+        new_accessors.append(accessor | {"bufferView": keep_view(accessor["bufferView"])})
+        return len(new_accessors) - 1
 
     for mesh in document.get("meshes", []):
         primitives = []

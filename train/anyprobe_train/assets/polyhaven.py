@@ -155,7 +155,7 @@ class Library:
         target = folder / split / f"{asset.slug}.{self.map_format if is_map else 'glb'}"
         row = manifest.row(asset.source)
         old = folder / row["file"] if row else target
-        if manifest.has_other(asset.source, asset.slug):
+        if manifest.has_other(asset.source, asset.slug) or (row is None and target.is_file()):
             return "kept", 0
         whole = row is not None and old.is_file() and md5_of(old.read_bytes()) == row.get("md5")
         same = whole and old.suffix == target.suffix and row.get("resolution", "") == resolution
@@ -172,7 +172,6 @@ class Library:
             "source": asset.source,
             "url": sources[""].url,
             "authors": asset.authors,
-            "md5": upstream,
             "split": split,
             "resolution": resolution,
             "files_hash": asset.files_hash,
@@ -180,11 +179,6 @@ class Library:
         }
         if same and row.get("upstream_md5") == upstream:
             return self._complete(manifest, {**row, "files_hash": asset.files_hash}, old, target, split)
-        if row is None and target.is_file():
-            if not is_map or md5_of(target.read_bytes()) != upstream:
-                return "kept", 0
-            manifest.put(new)
-            return "complete", 0
 
         parts = self._download(sources, asset.slug, watch)
         body = parts[""] if is_map else _pack(parts, asset.slug)

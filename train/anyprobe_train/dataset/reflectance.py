@@ -111,24 +111,6 @@ def lobe_normal(n, wo, alpha):
     return normalize(n + mirrored * (straight_on_normal(n, wo) - n))
 
 
-def lookup_coords(n, wo, alpha, table) -> tuple:
-    """Return the coordinates for normals n seen along wo in maps that are seen along +Z.
-
-    Args:
-        n, wo: [..., 3], camera frame; where n is zero, the result is arbitrary.
-        alpha: [..., 1].   table: albedo_table, an array of the same kind.
-    Returns:
-        Coordinates in the maps of Eq. 5's irradiance, of the specular and of the diffuse terms, [..., 2] each, and
-        factors [...] for S1 and Ss found there: the lobe is there, but n has its own albedo.
-    """
-    lookup_coord = lobe_normal(n, wo, alpha)
-    own = directional_albedo(dot(n, wo)[..., 0], alpha[..., 0], table)
-    found = directional_albedo(lookup_coord[..., 2], alpha[..., 0], table)
-    gain_one, gain_grazing = ((a + ALBEDO_FLOOR) / (b + ALBEDO_FLOOR) for a, b in zip(own, found, strict=True))
-    places = (normal_to_reflectance_xy(normal) for normal in (straight_on_normal(n, wo), lookup_coord, n))
-    return *places, gain_one, gain_grazing
-
-
 def read_disc(picture, xy, channels) -> list:
     """Interpolate channels of a map [S, S, C] at xy [..., 2] in [-1, 1], [...] each."""
     xp = array_namespace(picture, xy)
@@ -142,6 +124,8 @@ def read_disc(picture, xy, channels) -> list:
 def look_up(pyramid: Pyramid, terms, world_from_view, n, wo, alpha, table) -> tuple:
     """Look up S1, Ss and, if there is a map of it, Dd at points.
 
+    A lobe is found elsewhere in the maps, which are seen along +Z; n has its own albedo.
+
     Args:
         terms: [S, S, 6 or 9]: S1, Ss, Dd of reflectance_normals(S); emitters only in the last.
         world_from_view: [3, 3], +Z of the view towards the eye.   n, wo: [P, 3], world.   alpha: [P, 1].
@@ -150,9 +134,12 @@ def look_up(pyramid: Pyramid, terms, world_from_view, n, wo, alpha, table) -> tu
         [P, 3] each.
     """
     xp = array_namespace(n, terms)
-    in_view = (n @ world_from_view, wo @ world_from_view)
-    _, specular_xy, diffuse_xy, *gains = lookup_coords(*in_view, alpha, table)
-    found = read_disc(terms, specular_xy, range(6))
+    seen, toward_eye = n @ world_from_view, wo @ world_from_view
+    lobe = lobe_normal(seen, toward_eye, alpha)
+    own = directional_albedo(dot(seen, toward_eye)[..., 0], alpha[..., 0], table)
+    there = directional_albedo(lobe[..., 2], alpha[..., 0], table)
+    gains = [(a + ALBEDO_FLOOR) / (b + ALBEDO_FLOOR) for a, b in zip(own, there, strict=True)]
+    found = read_disc(terms, normal_to_reflectance_xy(lobe), range(6))
     specular = xp.stack([channel * gains[0] for channel in found[:3]], axis=-1)
     grazing = xp.stack([channel * gains[1] for channel in found[3:]], axis=-1)
     if pyramid.emitters is not None:
@@ -160,7 +147,8 @@ def look_up(pyramid: Pyramid, terms, world_from_view, n, wo, alpha, table) -> tu
         specular, grazing = specular + one, grazing + weak
     if terms.shape[2] == 6:
         return specular, grazing
-    return specular, grazing, xp.stack(read_disc(terms, diffuse_xy, range(6, 9)), axis=-1)
+    diffuse = read_disc(terms, normal_to_reflectance_xy(seen), range(6, 9))
+    return specular, grazing, xp.stack(diffuse, axis=-1)
 
 
 SHADERS = (shade_specular, shade_diffuse, look_up)

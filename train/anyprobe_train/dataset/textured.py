@@ -6,11 +6,8 @@ together towards its edge. They know nothing of what the object is, and change i
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
-from anyprobe.scatter.materials import Material
 from anyprobe_train.dataset.reflectance import read_disc
 from anyprobe_train.dataset.sky import tint
 
@@ -96,8 +93,6 @@ CONTRAST, CONTRAST_SPREAD = 0.19, 0.35
 factor's logarithm: most are between 0.1 and 0.35."""
 COLORED_SHARE = 0.35
 """Share of textures of several colours; the rest varies in brightness only."""
-ON_METAL = 0.5
-"""Exponent of the factor for metals, which are tarnished or dirty rather than painted."""
 MAX_ALBEDO = 0.95
 SIDES = 128
 """Side of patterns [pixels of their own]."""
@@ -140,12 +135,3 @@ def factor_at(points: np.ndarray, normals: np.ndarray, rng: np.random.Generator)
     pattern *= contrast / max(deviation, 1e-6)  # one clipped all over has none
     values = np.exp(lay(pattern, points, normals, rng))
     return np.broadcast_to(values / values.mean(axis=0), normals.shape)
-
-
-def paint(material: Material, factor: np.ndarray) -> Material:
-    """Apply a texture to a material: f0 and albedo [..., 3] as factor; a dielectric's coat stays as it is."""
-    if np.any(material.albedo):
-        albedo = np.minimum(material.albedo * factor, MAX_ALBEDO)
-        return replace(material, albedo=albedo, f0=np.broadcast_to(material.f0, factor.shape))
-    f0 = np.minimum(material.f0 * factor**ON_METAL, 1.0)
-    return replace(material, albedo=np.zeros_like(factor), f0=f0)

@@ -145,7 +145,7 @@ def run_with_hints(models: Models, pair: Pair, hints: Collection[str] = frozense
         2.0 * float(np.degrees(np.arctan(pair.tan_half))),
         is_lens_known=True,
         cover=np.zeros_like(mask),
-        normals=true_normals(pair) if "normals" in hints else None,
+        normals=pair.normals if "normals" in hints else None,
         material=material,
         panorama=surroundings(pair) if "surroundings" in hints else None,
     )
@@ -156,13 +156,6 @@ def run_with_hints(models: Models, pair: Pair, hints: Collection[str] = frozense
     if said.seen is None:
         return refined
     return replace(refined, radiance=refined.radiance + said.seen[..., 3:] * (said.radiance - refined.radiance))
-
-
-def true_normals(pair: Pair) -> np.ndarray:
-    """Return a pair's normals [128, 128, 3], unit, zero outside the object."""
-    normals = np.asarray(pair.normals, np.float32)
-    step = len(normals) // len(pair.crop)
-    return normals if step <= 1 else normals[::step, ::step]
 
 
 def surroundings(pair: Pair) -> np.ndarray:

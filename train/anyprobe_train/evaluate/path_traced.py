@@ -140,14 +140,13 @@ def mitsuba_runs() -> bool:
 
 
 def trace_mesh(
-    mesh: Mesh, camera: Camera, radiance: np.ndarray, material: Material, num_paths: int = NUM_PATHS, seed: int = 0
+    mesh: Mesh, camera: Camera, radiance: np.ndarray, material: Material, num_paths: int = NUM_PATHS
 ) -> np.ndarray:
     """Draw a mesh as render.picture.draw_mesh does, by path tracing: same arguments and same [S, S, 4].
 
     Args:
         material: its albedo may also be [F, 3, 3], at the corners of the mesh's faces.
         num_paths: per pixel, rounded up to a power of two.
-        seed: pictures of different ones have different grain.
     """
     mi = open_mitsuba()
     alone = {"type": "scene", "mesh": _shape(mi, mesh, material)}
@@ -169,7 +168,7 @@ def trace_mesh(
             continue
         sampler = mi.load_dict({"type": "multijitter", "sample_count": each})
         sampler.set_samples_per_wavefront(each)
-        sampler.seed(start + paths * seed, len(seen) * each)
+        sampler.seed(start, len(seen) * each)
         rays = direction.reshape(each, pixels, 3).transpose(1, 0, 2)[seen].reshape(-1, 3)
         color, _, _ = tracer.sample(scene, sampler, _mi_rays(mi, camera.position, rays))
         color = np.nan_to_num(np.array(color).T).reshape(len(seen), each, 3) * hit[seen][..., None]

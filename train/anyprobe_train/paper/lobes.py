@@ -23,13 +23,6 @@ from anyprobe.paper.equations import (
 )
 from anyprobe.scatter.materials import Material
 
-GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
-
-
-def viewpoint(index: int, count: int) -> tuple[float, float]:
-    """Return yaw and elevation [radians] of one of count cameras evenly over the upper hemisphere."""
-    return float(index * GOLDEN_ANGLE), float(np.arcsin((index + 0.5) / count))
-
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Rings:

@@ -9,9 +9,9 @@ import torch
 
 from anyprobe.core.response import response
 from anyprobe.paper.chain import LN_SCALE
+from anyprobe_train.dataset.recipe import VIEWPOINTS as VIEWS
 from anyprobe_train.paper.lobes import Rings
 from anyprobe_train.paper.materials import MATERIALS
-from anyprobe_train.paper.settings import VIEWS
 from anyprobe_train.paper.tables import Tables
 
 

@@ -7,9 +7,6 @@ from dataclasses import dataclass
 from anyprobe.core.spelling import did_you_mean
 from anyprobe.errors import InputError
 
-VIEWS = 23
-"""Cameras, evenly over the upper hemisphere (Sect. 3.5)."""
-
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Setting:

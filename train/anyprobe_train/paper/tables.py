@@ -24,9 +24,11 @@ from anyprobe.paper.chain import LN_SCALE
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.surface import Camera, frame_object, see
 from anyprobe_train.dataset.catalog import MapAsset, ShapeAsset
-from anyprobe_train.paper.lobes import Rings, light_places, light_waves, lobes, shown, viewpoint
+from anyprobe_train.dataset.pair import fibonacci_viewpoint
+from anyprobe_train.dataset.recipe import VIEWPOINTS as VIEWS
+from anyprobe_train.paper.lobes import Rings, light_places, light_waves, lobes, shown
 from anyprobe_train.paper.materials import MATERIALS
-from anyprobe_train.paper.settings import VIEWS, Setting
+from anyprobe_train.paper.settings import Setting
 
 SCENE_KEY = 0.12
 """Geometric mean luminance of a map at an exposure of 1."""
@@ -90,7 +92,7 @@ def build_tables(
     count, shape = len(maps) * VIEWS, (setting.rows, 2 * setting.rows, 3)
     shades = _file(folder, "shades", np.uint8, (count, len(MATERIALS), rings.number + 1, 8))
     ldr, ln_radiance = _file(folder, "ldr", np.uint8, (count, *shape)), _file(folder, "ln", np.float16, (count, *shape))
-    turns = [world_from_camera(*viewpoint(view, VIEWS)) for view in range(VIEWS)]
+    turns = [world_from_camera(*fibonacci_viewpoint(view)) for view in range(VIEWS)]
     uvs = [light_places(turn, rings) for turn in turns]
     spectra = [lobes(material, rings) for material in MATERIALS]
     exposures = [exposure_of(asset.id) for asset in maps]

@@ -55,11 +55,6 @@ class Feed:
             self._take_group()
         self._order = self._shuffled()
 
-    @property
-    def state(self) -> tuple[int, int]:
-        """Seed and step, by which another Feed goes on with exactly the same batches."""
-        return self.seed, self.step
-
     def __enter__(self) -> Feed:
         """Return itself."""
         return self
