@@ -27,7 +27,7 @@ ORDER = (
 
 ONLY = {
     "torch": {
-        *("anyprobe_train.nets", "anyprobe_train.dataset", "anyprobe_train.train", "anyprobe_train.cli"),
+        *("anyprobe_train.nets", "anyprobe_train.train", "anyprobe_train.cli"),
         *("anyprobe_train.paper", "anyprobe_train.mask_network"),
         "anyprobe_train.light",
     },

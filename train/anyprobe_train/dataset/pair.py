@@ -27,7 +27,7 @@ from anyprobe_train.dataset.camera import Shot, draw_shot, meter, one_photo
 from anyprobe_train.dataset.distributions import SPECULAR_BELOW, draw_alpha, draw_material
 from anyprobe_train.dataset.mask_errors import disturb_mask
 from anyprobe_train.dataset.recipe import VIEWPOINTS, WORLD, Recipe
-from anyprobe_train.dataset.textured import MAX_ALBEDO, factor_at
+from anyprobe_train.dataset.textured import factor_at
 
 Trace = Callable[[Mesh, Camera, np.ndarray, Material], np.ndarray]
 """Renderer of a photo: from a mesh, a camera, the map [H, 2H, 3] in the mesh's world and a material, whose albedo is
@@ -36,6 +36,8 @@ Trace = Callable[[Mesh, Camera, np.ndarray, Material], np.ndarray]
 NUM_SAMPLES = 64
 LN_RANGE = (-7.0, 9.0)
 """Range of ln radiance in targets: 0.001 to 8000 of the photo's white."""
+PAINTED_ALBEDO = 0.95
+"""Largest albedo under a texture."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -140,7 +142,7 @@ def _painted(material: Material, mesh: Mesh, rng: np.random.Generator) -> Materi
     """Return the material under a mild texture that lies on the mesh: albedo [F, 3, 3], at the corners of the faces."""
     corners = mesh.positions[mesh.faces].reshape(-1, 3).astype(np.float32)
     factor = factor_at(corners, mesh.normals.reshape(-1, 3).astype(np.float32), rng)
-    return replace(material, albedo=np.minimum(material.albedo * factor.reshape(-1, 3, 3), MAX_ALBEDO))
+    return replace(material, albedo=np.minimum(material.albedo * factor.reshape(-1, 3, 3), PAINTED_ALBEDO))
 
 
 def _draw(recipe: Recipe, rng: np.random.Generator) -> tuple[np.ndarray, float, Material, float, Shot]:

@@ -93,7 +93,6 @@ CONTRAST, CONTRAST_SPREAD = 0.19, 0.35
 factor's logarithm: most are between 0.1 and 0.35."""
 COLORED_SHARE = 0.35
 """Share of textures of several colours; the rest varies in brightness only."""
-MAX_ALBEDO = 0.95
 SIDES = 128
 """Side of patterns [pixels of their own]."""
 EXTENT = (2.5, 5.0)
