@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-if TYPE_CHECKING:
-    from jaxtyping import Float, UInt8
+from anyprobe.core import Float, UInt8
 
 REC709 = (0.2126, 0.7152, 0.0722)
 
@@ -23,6 +20,9 @@ COLORSPACES = {"rec709": REC709_CHROMATICITIES, "acescg": (0.713, 0.293, 0.165, 
 SAME_CHROMATICITIES = 1e-3
 """Largest difference of chromaticities that count as the same: files round them."""
 
+STRIP_ROWS = 64
+"""Number of rows of a large picture that are converted at a time."""
+
 BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
 """Matrix from CIE XYZ to cone responses, in which one white is adapted to another."""
 
@@ -33,10 +33,12 @@ def luminance(rgb):
 
 
 def to_bytes(display: Float[np.ndarray, " ..."]) -> UInt8[np.ndarray, " ..."]:
-    """Convert display values in [0, 1] to uint8, rounded."""
-    values = np.clip(np.asarray(display), 0.0, 1.0)
-    values = np.multiply(values, 255.0, out=values if isinstance(values, np.ndarray) else None)  # photos are large
-    return np.round(values, out=values if isinstance(values, np.ndarray) else None).astype(np.uint8)
+    """Convert display values in [0, 1] to uint8, rounded; a few rows at a time, to fit the processor's caches."""
+    result = np.empty(np.shape(display), np.uint8)
+    for top in range(0, len(result), STRIP_ROWS):
+        strip = np.asarray(display[top : top + STRIP_ROWS])
+        result[top : top + STRIP_ROWS] = np.round(np.clip(strip, 0.0, 1.0) * 255.0)
+    return result
 
 
 def xyz_from_rgb(chromaticities) -> Float[np.ndarray, "3 3"]:

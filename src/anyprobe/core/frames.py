@@ -6,15 +6,11 @@ Directions point away from the surface; the last axis holds x, y, z.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from array_api_compat import array_namespace
 
+from anyprobe.core import Float
 from anyprobe.errors import InputError
-
-if TYPE_CHECKING:
-    from jaxtyping import Float
 
 
 def dot(a, b):

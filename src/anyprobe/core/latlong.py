@@ -6,13 +6,11 @@ u = 0.5 + atan2(x, -z) / 2 pi and v = acos(y) / pi; pixel centres at (i + 0.5) /
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 from array_api_compat import array_namespace
 
-if TYPE_CHECKING:
-    from jaxtyping import Float
+from anyprobe.core import Float
 
 KEPT_ROWS = 512
 """Largest number of rows whose directions are cached."""
@@ -40,15 +38,13 @@ def pixel_directions(height: int) -> Float[np.ndarray, "H 2*H 3"]:
     return _kept_directions(height).copy() if height <= KEPT_ROWS else _directions(height)
 
 
-@lru_cache(maxsize=4)
-def _kept_directions(height: int) -> np.ndarray:
-    return _directions(height)
-
-
 def _directions(height: int) -> np.ndarray:
     u = (np.arange(2 * height) + 0.5) / (2 * height)
     v = (np.arange(height) + 0.5) / height
     return uv_to_direction(np.stack(np.meshgrid(u, v), axis=-1)).astype(np.float32)
+
+
+_kept_directions = lru_cache(maxsize=4)(_directions)
 
 
 def pixel_solid_angles(height: int) -> Float[np.ndarray, "H 1"]:

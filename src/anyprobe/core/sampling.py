@@ -5,13 +5,10 @@ The local frame has n = +Z. Densities and inverses are in tests/support/warps.py
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from array_api_compat import array_namespace
 
-if TYPE_CHECKING:
-    from jaxtyping import Float
+from anyprobe.core import Float
 
 
 def hammersley(count: int, shift: tuple[float, float] = (0.0, 0.0)) -> Float[np.ndarray, "count 2"]:
