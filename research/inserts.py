@@ -26,8 +26,7 @@ from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import response
 from anyprobe.estimate.ground import up_of
 from anyprobe.estimate.photo import Photo, load_photo
-from anyprobe.files.meshes import read_mesh
-from anyprobe.files.objects import open_object
+from anyprobe.files.objects import open_object, read_mesh
 from anyprobe.light.environment import reduced, rotate
 from anyprobe.maps.radiance import read_radiance
 from anyprobe.pictures.images import write_png

@@ -15,7 +15,7 @@ from support.polyhaven_server import Fault, PolyHaven, tetrahedron
 
 from anyprobe import __version__
 from anyprobe.cli.app import main
-from anyprobe.files.meshes import read_mesh
+from anyprobe.files.objects import read_mesh
 from anyprobe.maps.radiance import write_exr, write_hdr
 from anyprobe_train.assets import download
 from anyprobe_train.assets.polyhaven import LICENCE, family, split_of

@@ -26,7 +26,7 @@ from support.refused import refused
 from anyprobe.errors import AnyprobeError, InputError, InvalidEnvironment, InvalidMask, InvalidMesh, InvalidPhoto
 from anyprobe.estimate.normals_hint import read_normals
 from anyprobe.estimate.result import Light
-from anyprobe.files.meshes import MESH_SUFFIXES, read_mesh
+from anyprobe.files.objects import MESH_SUFFIXES, read_mesh
 from anyprobe.maps.radiance import read_radiance, write_exr, write_hdr
 from anyprobe.masks.depth import read_depth
 from anyprobe.pictures.images import read_image

@@ -17,7 +17,7 @@ from support.hostile_files import endless_gif, endless_jpeg, endless_tiff, hidde
 
 from anyprobe.errors import InputError, InvalidEnvironment, InvalidMesh, InvalidPhoto
 from anyprobe.estimate.poses import read_poses
-from anyprobe.files.meshes import read_mesh
+from anyprobe.files.objects import read_mesh
 from anyprobe.maps import image_io, radiance
 from anyprobe.maps.exr import read_exr
 from anyprobe.maps.radiance import read_linear, read_radiance, write_hdr

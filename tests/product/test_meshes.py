@@ -11,8 +11,8 @@ from support.mesh_files import glb, obj, off, ply, stl
 
 from anyprobe.core.frames import world_from_camera
 from anyprobe.errors import InvalidMesh
-from anyprobe.files import meshes
-from anyprobe.files.meshes import read_mesh
+from anyprobe.files import objects
+from anyprobe.files.objects import read_mesh
 from anyprobe.render.shapes import sphere
 from anyprobe.render.surface import frame_object, see
 
@@ -137,7 +137,7 @@ def test_small_file_that_places_its_mesh_many_times(tmp_path, monkeypatch):
         pytest.fail("copied")
 
     monkeypatch.setattr(trimesh.Scene, "dump", dump)
-    monkeypatch.setattr(meshes, "MAX_FACES", 1000)
+    monkeypatch.setattr(objects, "MAX_FACES", 1000)
     assert "got 1,200" in refusal(tmp_path / "many.glb", glb(CUBE, CUBE_FACES, copies=100))
 
 

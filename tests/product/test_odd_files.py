@@ -15,7 +15,7 @@ from support.refused import refused
 
 from anyprobe.errors import InvalidMask
 from anyprobe.estimate.photo import load_photo
-from anyprobe.files.meshes import read_mesh
+from anyprobe.files.objects import read_mesh
 from anyprobe.maps.radiance import write_exr
 from anyprobe.masks.depth import depth_of_view
 from anyprobe.match.library import open_library

@@ -20,7 +20,7 @@ from anyprobe.estimate import poses
 from anyprobe.estimate.normals_hint import read_normals
 from anyprobe.estimate.result import Light
 from anyprobe.export.exported_light import check_front, sidecar_beside
-from anyprobe.files import meshes
+from anyprobe.files import objects
 from anyprobe.maps import image_io, radiance
 from anyprobe.masks.depth import read_depth
 from anyprobe.pictures import declared_size, images
@@ -276,7 +276,7 @@ PARSERS: dict[str, tuple[Callable[[], list[bytes]], Callable[[bytes], object]]] 
     "hdr": (hdrs, by_path(".hdr", radiance.read_radiance)),
     "radiance": (lambda: exrs() + hdrs(), lambda data: radiance.read_linear(data, 1_000_000)),
     "attributes": (lambda: exrs() + hdrs(), by_path(".exr", radiance.map_attributes)),
-    **{suffix: (partial(mesh, suffix), by_path(suffix, meshes.read_mesh)) for suffix in meshes.MESH_SUFFIXES},
+    **{suffix: (partial(mesh, suffix), by_path(suffix, objects.read_mesh)) for suffix in objects.MESH_SUFFIXES},
     "gltf": (gltfs, pack),
     "poses": (pose_files, read_all_poses),
     "sidecar": (sidecars, load_sidecar),

@@ -18,7 +18,7 @@ from anyprobe import session
 from anyprobe.cli import options
 from anyprobe.cli.photo_files import hints_for, photo_name, photo_source, result_stem
 from anyprobe.errors import InputError, InvalidMask, OutputError, arguments_named
-from anyprobe.files.meshes import MESH_SUFFIXES
+from anyprobe.files.objects import MESH_SUFFIXES
 from anyprobe.files.paths import is_same_file
 from anyprobe.inputs.description import numbers_in
 from anyprobe.inputs.hints import HINTS

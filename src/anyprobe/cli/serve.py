@@ -19,7 +19,7 @@ from cyclopts import Parameter
 from anyprobe.cli.doctor import mask_network
 from anyprobe.cli.options import ModelOption, bounded
 from anyprobe.errors import InputError, MissingExtra, OutputError
-from anyprobe.files.cores import CHILD_ENVIRONMENT, usable_cores
+from anyprobe.files.graphs import CHILD_ENVIRONMENT, usable_cores
 from anyprobe.inputs.settings import DEFAULT_MODEL
 from anyprobe.masks.weights import find_weights
 from anyprobe.serve.limits import DRAIN_S, IDLE_S, MAX_CONNECTIONS, Limits

@@ -23,7 +23,7 @@ from anyprobe.core.sampling import hammersley
 from anyprobe.export.cube_textures import C_FROM_OURS, cube_faces, face_directions, face_size
 from anyprobe.export.exported_light import EXPORT_SCALE, ExportedLight, numbers, read_template, share_beyond, write_maps
 from anyprobe.export.target_frames import OPENEXR, gltf
-from anyprobe.files.meshes import glb_file
+from anyprobe.files.objects import glb_file
 from anyprobe.light.environment import reduced
 from anyprobe.light.light_sources import LightSource
 from anyprobe.light.octahedral import build_pyramid

@@ -1,4 +1,4 @@
-"""Sessions of ONNX graphs that share the cores with other work.
+"""Sessions of ONNX graphs that share the cores with other work, how many cores there are, and child processes of one.
 
 ONNX Runtime is imported with its telemetry off: since 1.29 it reports every process that opens a graph to Microsoft. It
 reads the variable once, at import, and it is then removed again. A program that imports ONNX Runtime earlier, or sets
@@ -7,12 +7,32 @@ the variable, decides for itself.
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from anyprobe.errors import InputError, ModelError
-from anyprobe.files.cores import usable_cores
+
+QUOTA = Path("/sys/fs/cgroup/cpu.max")
+"""File in which Linux states a container's limit: processor time per period, both in microseconds."""
+
+CHILD_ENVIRONMENT = dict.fromkeys(
+    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "PYTHONSAFEPATH"), "1"
+)
+"""Environment of worker processes: one thread, and no modules from the working folder, whose random.py is not
+Python's."""
+
+
+def usable_cores() -> int:
+    """Return the number of cores, at least 1: those that the process may run on, or its container's share of them."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    try:
+        quota, period = QUOTA.read_text(encoding="ascii").split()
+        return max(1, min(cores, math.ceil(int(quota) / int(period))))
+    except (OSError, ValueError, ZeroDivisionError):  # no container, or one without a limit
+        return cores
+
 
 TELEMETRY_OFF = "ORT_DISABLE_TELEMETRY"
 
@@ -47,8 +67,8 @@ def open_graph(path: Path, threads: int | None = None, providers: Sequence[str] 
     Quantised weights are expanded once, here, not at each run.
 
     Args:
-        threads: cores for the graph; None: usable_cores. A power of two up to MOST_THREADS is used, so that the
-            result is the same to the last bit for any number.
+        threads: cores for the graph; None: usable_cores. At most MOST_THREADS are used, so that the result is
+            the same to the last bit for any number.
         providers: names of ONNX Runtime's execution providers, the preferred first.
     Raises:
         InputError: a provider that this installation lacks, or that cannot work on this machine.
@@ -62,7 +82,7 @@ def open_graph(path: Path, threads: int | None = None, providers: Sequence[str] 
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     options.add_session_config_entry("session.disable_quant_qdq", "1")
     # a single thread works even where the system gives no more
-    for count in sorted({even_threads(threads or usable_cores()), 1}, reverse=True):
+    for count in range(max(1, min(threads or usable_cores(), MOST_THREADS)), 0, -1):
         options.intra_op_num_threads = count
         try:
             # a fallback would print on stdout
@@ -71,7 +91,9 @@ def open_graph(path: Path, threads: int | None = None, providers: Sequence[str] 
         except Exception as error:  # the runtime has no common base class for its errors
             fault = error
     else:
-        raise _unopened(path, fault) from fault
+        reason = " ".join(str(fault).split())[:120]
+        text = f"cannot be opened ({reason}); reinstall anyprobe, or end other programs"  # damaged, or want of memory
+        raise ModelError(text, source=path.name) from fault
     if missing := set(providers) - set(session.get_providers()):  # ONNX Runtime goes on without one, silently
         text = f"expected a machine that has {sorted(missing)[0]}, got none; leave it out"
         raise InputError(text, code="unsupported", subject="providers")
@@ -85,17 +107,6 @@ def check_metadata(session: onnxruntime.InferenceSession, expected: Mapping[str,
         if found.get(key) != value:
             text = f"expected {key} = {value!r}, got {found.get(key)!r}; use weights of this version"
             raise ModelError(text, source=name)
-
-
-def _unopened(path: Path, fault: Exception) -> ModelError:
-    """Return the error for a graph that ONNX Runtime does not open, damaged or for want of memory."""
-    reason = " ".join(str(fault).split())[:120]
-    return ModelError(f"cannot be opened ({reason}); reinstall anyprobe, or end other programs", source=path.name)
-
-
-def even_threads(threads: int) -> int:
-    """Return the largest power of two up to this number and MOST_THREADS."""
-    return 1 << (max(1, min(threads, MOST_THREADS)).bit_length() - 1)
 
 
 def run_options() -> onnxruntime.RunOptions:

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from functools import cache
 
 from anyprobe.errors import InvalidMesh
-from anyprobe.files.meshes import glb_file
+from anyprobe.files.objects import glb_file
 from anyprobe.render.mesh import MAX_FACES
 
 HARMLESS = ("KHR_materials_", "KHR_texture_", "EXT_texture_", "MSFT_texture_", "KHR_lights_")

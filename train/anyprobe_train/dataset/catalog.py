@@ -15,7 +15,7 @@ import numpy as np
 from anyprobe.core.color import luminance
 from anyprobe.core.latlong import bilinear, pixel_solid_angles
 from anyprobe.errors import InputError, InvalidEnvironment
-from anyprobe.files.meshes import MESH_SUFFIXES, read_mesh
+from anyprobe.files.objects import MESH_SUFFIXES, read_mesh
 from anyprobe.files.paths import visible_files
 from anyprobe.light.environment import reduced
 from anyprobe.maps.radiance import read_radiance

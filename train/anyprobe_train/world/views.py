@@ -14,7 +14,7 @@ import numpy as np
 
 from anyprobe.core.frames import normalize, turn_towards, world_from_camera
 from anyprobe.files.atomic import atomic_path
-from anyprobe.files.meshes import MESH_SUFFIXES, read_mesh
+from anyprobe.files.objects import MESH_SUFFIXES, read_mesh
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.surface import pixel_rays
 from anyprobe.render.voxels import SIDE as CELLS
