@@ -12,7 +12,7 @@ from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import response
 from anyprobe.estimate.extract import looks_like_ball
 from anyprobe.estimate.photo import load_photo
-from anyprobe.serve.answers import png
+from anyprobe.pictures.images import png_bytes as png
 from anyprobe.serve.api import create_app
 
 

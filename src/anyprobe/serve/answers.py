@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import base64
-import io
 import tempfile
-import zipfile
 from collections.abc import Mapping
 from http import HTTPStatus
 from pathlib import Path
@@ -117,22 +115,7 @@ def _warnings(notices: tuple[Notice, ...]) -> dict[str, Any]:
 
 def mask_png(mask: np.ndarray) -> bytes:
     """Return a mask [H, W] as a grey PNG."""
-    return png(to_bytes(mask))
-
-
-def png(picture: np.ndarray) -> bytes:
-    """Encode a picture uint8 [H, W] or [H, W, 3] as PNG."""
-    return png_bytes(picture, compress_level=3)
-
-
-def zip_folder(folder: Path) -> bytes:
-    """Return a zip of all files below a folder, by their relative paths."""
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
-        for path in sorted(folder.rglob("*")):
-            if path.is_file():
-                archive.write(path, path.relative_to(folder).as_posix())
-    return stream.getvalue()
+    return png_bytes(to_bytes(mask), compress_level=3)
 
 
 def _accepted(header: str, known: list[str]) -> list[str]:

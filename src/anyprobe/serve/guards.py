@@ -184,8 +184,8 @@ class Metrics:
         self._registry = prometheus.CollectorRegistry()
         in_registry: dict[str, Any] = {"registry": self._registry}
         requests = ("anyprobe_requests", "Answered requests.", ["route", "status"])
-        self._requests = prometheus.Counter(*requests, **in_registry)
-        self._seconds = prometheus.Histogram(
+        self.requests = prometheus.Counter(*requests, **in_registry)
+        self.seconds = prometheus.Histogram(
             "anyprobe_request_seconds", "From head to last byte.", ["route"], buckets=SECONDS, **in_registry
         )
         taken = prometheus.Gauge("anyprobe_places_taken", "Requests that hold a place in the queue.", **in_registry)
@@ -194,12 +194,6 @@ class Metrics:
         ready = prometheus.Gauge("anyprobe_ready", "1 where a photo would be taken now.", **in_registry)
         ready.set_function(lambda: not pool.unready())
         prometheus.ProcessCollector(**in_registry)
-
-    def count(self, scope: Scope, status: int, seconds: float) -> None:
-        """Count an answered request."""
-        route = getattr(scope.get("route"), "path", ELSEWHERE)
-        self._requests.labels(route, str(status)).inc()
-        self._seconds.labels(route).observe(seconds)
 
     def answer(self) -> Response:
         """Return the metrics in Prometheus's text format."""
@@ -227,4 +221,6 @@ class Counted:
         try:
             await self._app(scope, receive, send_noting_status)
         finally:
-            self._metrics.count(scope, status, time.perf_counter() - start)
+            route = getattr(scope.get("route"), "path", ELSEWHERE)
+            self._metrics.requests.labels(route, str(status)).inc()
+            self._metrics.seconds.labels(route).observe(time.perf_counter() - start)

@@ -11,7 +11,6 @@ import gzip
 import hashlib
 import json
 import threading
-from collections.abc import Iterator
 from functools import cache
 from importlib import resources
 from pathlib import Path
@@ -32,8 +31,8 @@ from anyprobe.export.targets import TARGETS
 from anyprobe.files.atomic import atomic_path
 from anyprobe.inputs.settings import DEFAULT_MODEL
 from anyprobe.masks.weights import find_weights
-from anyprobe.pictures.images import read_image
-from anyprobe.serve.answers import light_json, mask_png, png
+from anyprobe.pictures.images import png_bytes, read_image
+from anyprobe.serve.answers import light_json, mask_png
 from anyprobe.serve.guards import SECURITY_HEADERS
 from anyprobe.serve.pool import WorkerPool
 
@@ -105,31 +104,25 @@ class Page:
                 light = self._estimator.from_photo(photo)
                 answer = light_json(light, frozenset({"radiance"}), None)
                 self._example = {
-                    "example/photo.png": png(to_bytes(pixels.rgb)),
+                    "example/photo.png": png_bytes(to_bytes(pixels.rgb), compress_level=3),
                     "example/mask.png": mask_png(photo.mask),
                     "example/light.json": json.dumps(answer | {"photo": "example"}).encode(),
                 }
         return self._example
 
-    def unpacked(self) -> Iterator[tuple[str, bytes]]:
-        """Yield every file as a static host needs it: address and bytes."""
-        for name, path in self.files.items():
-            data = path.read_bytes()
-            yield (name.removesuffix(PACKED), gzip.decompress(data) if name.endswith(PACKED) else data)
-        yield "config.json", json.dumps(self.config(server=False), indent=1).encode()
-        yield from self.example().items()
-        lines = ["/*", *(f"  {name}: {value}" for name, value in SECURITY_HEADERS.items())]
-        yield "_headers", "\n".join([*lines, ""]).encode()
-
 
 def write_static(page: Page, folder: Path) -> list[Path]:
     """Write the page for any static host into a folder, each file whole or not at all."""
-    written = []
-    for name, data in page.unpacked():
+    files = {name: path.read_bytes() for name, path in page.files.items()}
+    packed = [name for name in files if name.endswith(PACKED)]
+    files |= {name.removesuffix(PACKED): gzip.decompress(files.pop(name)) for name in packed}
+    lines = ["/*", *(f"  {name}: {value}" for name, value in SECURITY_HEADERS.items()), ""]
+    files |= {"config.json": json.dumps(page.config(server=False), indent=1).encode(), **page.example()}
+    files["_headers"] = "\n".join(lines).encode()
+    for name, data in files.items():
         with atomic_path(folder / name) as temporary:
             temporary.write_bytes(data)
-        written.append(folder / name)
-    return written
+    return [folder / name for name in files]
 
 
 def add_page(app: FastAPI, page: Page, pool: WorkerPool) -> None:

@@ -28,14 +28,6 @@ Gone = Callable[[], Awaitable[object]]
 log = logging.getLogger("anyprobe.serve")
 
 
-class TooSlow(InputError):
-    """Decoding exceeded its time limit."""
-
-
-class TooMuchMemory(InputError):
-    """Decoding exceeded its memory limit, or ended the process."""
-
-
 class Cancelled(Exception):
     """The client is gone."""
 
@@ -68,7 +60,7 @@ class WorkerPool:
         """Run a function of serve.tasks, with its arguments bound, in a process.
 
         Raises:
-            AnyprobeError: as the function does. TooSlow, TooMuchMemory: it was ended. Cancelled: gone() returned.
+            AnyprobeError: as the function does. InputError: ended for time or memory. Cancelled: gone() returned.
         """
         if quick:
             with suppress(TimeoutError):
@@ -76,7 +68,7 @@ class WorkerPool:
         try:
             return await self._in_process("slow", task, self._limits.decode_s, gone)
         except TimeoutError as error:
-            raise TooSlow(
+            raise InputError(
                 f"expected a file that is decoded within {self._limits.decode_s:g} seconds, got a slower one; "
                 "send it smaller, or as PNG or JPEG"
             ) from error
@@ -89,7 +81,7 @@ class WorkerPool:
                 return await _unless(gone, asyncio.wrap_future(future))
             except ProcessExpired as error:
                 log.warning("a decoding process ended (%s)", error)
-        raise TooMuchMemory(
+        raise InputError(
             "expected a file that can be decoded here, got one that needs too much memory; "
             "send it smaller, or as PNG or JPEG"
         )
@@ -153,11 +145,8 @@ def _guarded(task: Callable[[], Answer]) -> Answer:
     try:
         return task()
     except Exception as error:
-        if isinstance(error, MemoryError) or "bad_alloc" in str(error) or _is_of_memory(error):
+        is_ours = isinstance(error, AnyprobeError) and isinstance(error.__cause__, MemoryError)
+        if is_ours or isinstance(error, MemoryError) or "bad_alloc" in str(error):
             text = "expected a file that fits in memory when decoded, got a larger one; send it smaller"
-            raise TooMuchMemory(text) from None
+            raise InputError(text) from None
         raise
-
-
-def _is_of_memory(error: Exception) -> Any:
-    return isinstance(error, AnyprobeError) and isinstance(error.__cause__, MemoryError)

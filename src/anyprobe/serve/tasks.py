@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -12,15 +11,18 @@ import numpy as np
 from PIL import Image
 
 from anyprobe import session
+from anyprobe.core.color import to_bytes
 from anyprobe.errors import InputError, InvalidEnvironment
 from anyprobe.estimate.extract import Extract, extract_of
 from anyprobe.estimate.photo import Photo
 from anyprobe.estimate.sidecar import export_settings, read_rotation
+from anyprobe.export.exported_light import check_front
+from anyprobe.export.targets import write_export
 from anyprobe.maps.radiance import read_radiance
 from anyprobe.notices import leave_out
 from anyprobe.pictures.declared_size import declared_pixels
-from anyprobe.pictures.images import picture_bytes, read_image
-from anyprobe.serve.answers import mask_json, mask_png, png, zip_folder
+from anyprobe.pictures.images import png_bytes, read_image
+from anyprobe.serve.answers import mask_json, mask_png
 from anyprobe.serve.limits import MAX_MAP_ROWS, MAX_PANORAMA_PIXELS, MAX_SENT_SIDECAR_BYTES, QUICK_BYTES
 from anyprobe.session import Shot
 
@@ -78,10 +80,10 @@ def upright(shot: Shot, max_pixels: int) -> tuple[bytes, float | None]:
     assert isinstance(shot.source, bytes)  # as all that is sent
     pixels = read_image(shot.source, "photo")
     layers = [pixels.rgb] if pixels.alpha is None else [pixels.rgb, pixels.alpha]
-    image, fov_deg = Image.fromarray(np.dstack([picture_bytes(layer) for layer in layers])), pixels.long_fov_deg
+    image, fov_deg = Image.fromarray(np.dstack([to_bytes(layer) for layer in layers])), pixels.long_fov_deg
     del pixels, layers
     image.thumbnail((PAGE_LONG_PX, PAGE_LONG_PX), Image.Resampling.LANCZOS)
-    return png(np.asarray(image)), fov_deg
+    return png_bytes(np.asarray(image), compress_level=3), fov_deg
 
 
 def export_zip(
@@ -102,32 +104,21 @@ def export_zip(
         is_level: whether +Y is up in the place, where the sidecar states the camera's pitch.
         exposure_ev: exposure change [stops].
     """
-    from anyprobe.export.targets import write_export
-
     _check_pixels([("map", data)], min(max_pixels, 2 * MAX_MAP_ROWS**2))
     if len(sidecar or b"") > MAX_SENT_SIDECAR_BYTES:
         raise InputError(f"expected at most {MAX_SENT_SIDECAR_BYTES / 2**20:g} MiB, got more", subject="sidecar")
     turn = read_rotation(world_from_camera)
-    with _map_file(data, sidecar) as path, tempfile.TemporaryDirectory() as folder:
-        settings = export_settings(path, turn, is_level=is_level)
-        write_export(read_radiance(path), target, Path(folder), "light", exposure_ev=exposure_ev, **settings)
-        return zip_folder(Path(folder))
-
-
-@contextmanager
-def _map_file(data: bytes, sidecar: bytes | None) -> Iterator[Path]:
-    """Write a map's bytes to a temporary file, its .json beside it, and check that its front is in the centre."""
-    from anyprobe.export.exported_light import check_front
-
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / f"map{'.hdr' if data.startswith(b'#?') else '.exr'}"
+    with tempfile.TemporaryDirectory() as sent, tempfile.TemporaryDirectory() as folder:
+        path = Path(sent) / f"map{'.hdr' if data.startswith(b'#?') else '.exr'}"
         path.write_bytes(data)
         beside = path.with_suffix(".json")
         if sidecar is not None:
             beside.write_bytes(sidecar)
         try:
             check_front(path)
-            yield path
+            settings = export_settings(path, turn, is_level=is_level)
+            write_export(read_radiance(path), target, Path(folder), "light", exposure_ev=exposure_ev, **settings)
+            return Path(shutil.make_archive(str(Path(sent) / "files"), "zip", folder)).read_bytes()
         except (InputError, RecursionError) as error:
             if isinstance(error, RecursionError) or error.notice.source == str(beside):
                 text = "expected the .json of this map as it was written, got a damaged one"
