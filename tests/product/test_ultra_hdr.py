@@ -11,8 +11,7 @@ from PIL import Image
 
 from anyprobe.export.targets import export
 from anyprobe.pictures.file_parts import jpeg_pictures
-from anyprobe.pictures.gain_map import find_gain_map
-from anyprobe.pictures.ultra_hdr import write_ultra_hdr
+from anyprobe.pictures.gain_map import find_gain_map, write_ultra_hdr
 
 
 def smooth_light() -> np.ndarray:

@@ -124,7 +124,7 @@ def relight(
     from anyprobe.files.atomic import check_writable
     from anyprobe.maps.radiance import opaque_linear
     from anyprobe.pictures.headers import MAX_PIXELS
-    from anyprobe.pictures.images import picture_bytes, read_image, write_png
+    from anyprobe.pictures.images import read_image, write_png
     from anyprobe.relight.insert import Arrangement, Stage
     from anyprobe.relight.passes import passes_of, write_passes
     from anyprobe.relight.placement import check_foot
@@ -164,7 +164,7 @@ def relight(
         with progress(f"writing {out}", silent):
             write_passes(out, passes, colorspace, opaque_linear(source, colorspace, MAX_PIXELS))
     else:
-        picture = picture_bytes(loaded.rgb)
+        picture = to_bytes(loaded.rgb)
         with progress(f"drawing the {insert}", silent):
             region, changed = stage.change(radiance, material)
             picture[region] = to_bytes(changed)

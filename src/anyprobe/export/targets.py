@@ -30,7 +30,7 @@ from anyprobe.export.target_frames import BLENDER, FRONT, OPENEXR, THREE, UNITY,
 from anyprobe.files.atomic import atomic_files
 from anyprobe.maps.radiance import HALF_MAX
 from anyprobe.notices import Notice
-from anyprobe.pictures.ultra_hdr import write_ultra_hdr
+from anyprobe.pictures.gain_map import write_ultra_hdr
 
 if TYPE_CHECKING:
     from jaxtyping import Float

@@ -24,7 +24,7 @@ from anyprobe.masks.prompts import Clicks
 from anyprobe.masks.sources import MaskSource
 from anyprobe.notices import give, leave_out
 from anyprobe.pictures.images import ImageSource
-from anyprobe.pictures.raw import RAW_SUFFIXES
+from anyprobe.pictures.deep_pixels import RAW_SUFFIXES
 from anyprobe.scatter.materials import Albedo, Material, as_material
 
 NormalsSource = str | os.PathLike[str] | bytes | np.ndarray

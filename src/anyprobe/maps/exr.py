@@ -9,7 +9,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -22,10 +22,7 @@ from anyprobe.core.color import (
 )
 from anyprobe.errors import InputError
 from anyprobe.files.paths import open_regular
-from anyprobe.maps.image_io import encode_image, open_image, read_pixels
-
-if TYPE_CHECKING:
-    from OpenImageIO import ImageInput, ImageSpec
+from anyprobe.maps.image_io import ImageInput, ImageSpec, encode_image, open_image, read_pixels
 
 EXR_MAGIC = b"\x76\x2f\x31\x01"
 
@@ -68,7 +65,7 @@ def _check(spec: ImageSpec, name: str, fault: type[InputError], max_pixels: int)
     if LEAST_ASPECT <= aspect <= 1 / LEAST_ASPECT and abs(aspect - 1.0) > SQUARE:
         text = f"expected square pixels, got ones {aspect:g} times as wide as high; resample the picture"
         raise fault(text, source=name)
-    (width, height), decoded = _size(spec), exr_pixels(spec)
+    width, height, decoded = max(spec.width, spec.full_width), max(spec.height, spec.full_height), exr_pixels(spec)
     if decoded > max_pixels:
         raise fault(
             f"expected at most {max_pixels / 1e6:.0f} million pixels in all layers, "
@@ -78,10 +75,6 @@ def _check(spec: ImageSpec, name: str, fault: type[InputError], max_pixels: int)
     if max(width, height) > MOST_SIDE_PX:
         text = f"expected sides of at most {MOST_SIDE_PX} pixels, got {width} x {height}; shrink it first"
         raise fault(text, source=name)
-
-
-def _size(spec: ImageSpec) -> tuple[int, int]:
-    return max(spec.width, spec.full_width), max(spec.height, spec.full_height)
 
 
 def exr_pixels(spec: ImageSpec) -> int:
@@ -194,16 +187,15 @@ def in_display(pixels: np.ndarray, spec: ImageSpec) -> np.ndarray:
     Raises:
         ValueError: they do not overlap.
     """
-    windows = spec.x - spec.full_x, spec.y - spec.full_y, spec.width, spec.height
-    if windows == (0, 0, spec.full_width, spec.full_height):
+    x, y = spec.x - spec.full_x, spec.y - spec.full_y
+    if (x, y, spec.width, spec.height) == (0, 0, spec.full_width, spec.full_height):
         return pixels
-    x, y = windows[:2]
     canvas = np.zeros((spec.full_height, spec.full_width, *pixels.shape[2:]), dtype=pixels.dtype)
-    inside = pixels[max(-y, 0) : max(spec.full_height - y, 0), max(-x, 0) : max(spec.full_width - x, 0)]
-    if not inside.size or x >= spec.full_width or y >= spec.full_height:
+    left, top = max(x, 0), max(y, 0)
+    right, bottom = min(x + spec.width, spec.full_width), min(y + spec.height, spec.full_height)
+    if left >= right or top >= bottom:
         raise ValueError("its data window lies outside its display window")
-    place = canvas[max(y, 0) : max(y, 0) + inside.shape[0], max(x, 0) : max(x, 0) + inside.shape[1]]
-    place[...] = inside[: place.shape[0], : place.shape[1]]
+    canvas[top:bottom, left:right] = pixels[top - y : bottom - y, left - x : right - x]
     return canvas
 
 

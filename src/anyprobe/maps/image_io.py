@@ -19,7 +19,9 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 
 if TYPE_CHECKING:
-    from OpenImageIO import ImageInput
+    from OpenImageIO import ImageInput, ImageSpec
+else:
+    ImageInput = ImageSpec = Any
 
 FILE_HANDLES = Path("/proc/self/fd")
 """Folder of Linux in which an open file has a name, whatever it was opened as."""
@@ -72,7 +74,7 @@ def open_image(source: BinaryIO | bytes, kind: str) -> Iterator[ImageInput]:
     with _named(source) as path:
         with _opening, quiet():
             image = oiio.ImageInput.open(path, as_stored)
-            if image is None and kind == "openexr" and b"\0RY\0" in _start_of(path):
+            if image is None and kind == "openexr":
                 image = _open_subsampled(path)
             oiio.geterror()  # it prints errors that nobody asked for
         if image is None:
@@ -87,14 +89,13 @@ def open_image(source: BinaryIO | bytes, kind: str) -> Iterator[ImageInput]:
                 image.close()
 
 
-def _start_of(path: str) -> bytes:
-    with open(path, "rb") as stream:
-        return stream.read(HEADER_BYTES)
-
-
 def _open_subsampled(path: str) -> ImageInput | None:
-    """Open an OpenEXR of luminance and less chroma as R, G, B, which OpenImageIO's newer reader refuses."""
+    """Open an OpenEXR of luminance and less chroma as R, G, B, which OpenImageIO's newer reader refuses; None for any
+    other."""
     oiio = library()
+    with open(path, "rb") as stream:
+        if b"\0RY\0" not in stream.read(HEADER_BYTES):
+            return None
     oiio.attribute("openexr:core", 0)
     try:
         return oiio.ImageInput.open(path)
@@ -131,7 +132,7 @@ def encode_image(pixels: np.ndarray, kind: str, attributes: Mapping[str, Any], n
 
     Args:
         kind: its format, by OpenImageIO's name.
-        attributes: of the header: text, whole numbers, tuples of floats, and bytes.
+        attributes: of the header: text, whole numbers, and tuples of floats.
         names: of the channels; R, G, B where there are none.
     Raises:
         OSError: there is no room for it, whole.
@@ -143,8 +144,6 @@ def encode_image(pixels: np.ndarray, kind: str, attributes: Mapping[str, Any], n
     for name, value in attributes.items():
         if isinstance(value, tuple):
             spec.attribute(name, f"float[{len(value)}]", value)
-        elif isinstance(value, bytes):
-            spec.attribute(name, f"uint8[{len(value)}]", np.frombuffer(value, np.uint8))
         else:
             spec.attribute(name, value)
     with _named(b"", f".{kind}") as path:

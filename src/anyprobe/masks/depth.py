@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import BinaryIO
 
 import numpy as np
 from PIL import Image
@@ -13,11 +13,9 @@ from PIL import Image
 from anyprobe.errors import InvalidMask
 from anyprobe.files.paths import open_regular
 from anyprobe.maps.exr import EXR_MAGIC, in_display, open_exr, read_channel
+from anyprobe.maps.image_io import ImageInput
 from anyprobe.masks.check import check_mask
 from anyprobe.pictures.headers import MAX_PIXELS
-
-if TYPE_CHECKING:
-    from anyprobe.maps.image_io import ImageInput
 
 DepthSource = str | os.PathLike[str] | bytes | np.ndarray
 
@@ -128,14 +126,13 @@ def _read_picture(stream: BinaryIO, name: str) -> np.ndarray:
             raise InvalidMask(
                 f"expected at most {MAX_PIXELS // 1_000_000} million pixels, "
                 f"got {image.width} x {image.height}; shrink it",
-                subject="depth",
                 source=name,
             )
         values = np.asarray(image.convert("RGB") if image.mode == "P" else image)
         if image.mode == "P":
             if np.ptp(values, axis=-1).any():
                 text = "expected depth, got a coloured picture of it; save the depth itself"
-                raise InvalidMask(text, subject="depth", source=name)
+                raise InvalidMask(text, source=name)
             return values[..., 0]
         return values
 
@@ -149,7 +146,7 @@ def _read_exr(stream: BinaryIO, name: str) -> np.ndarray:
         if chosen is not None:
             return in_display(read_channel(image, chosen), image.spec())
     text = f"expected a channel Z, V, Y or R, got {', '.join(sorted(found)) or 'none'}"
-    raise InvalidMask(text, subject="depth", source=name)
+    raise InvalidMask(text, source=name)
 
 
 def _is_of_color(key: str, image: ImageInput) -> bool:

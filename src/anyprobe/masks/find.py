@@ -78,11 +78,12 @@ def find_mask(
         return _given(mask_from_file(mask, shape), "mask", pixels.name)
     if depth is not None:
         return _given(mask_from_depth(depth, shape, near, far), "depth", pixels.name)
-    return _find(pixels, check_prompts(click, exclude, box, *shape[::-1]), segmenter)
-
-
-def _find(pixels: Pixels, prompts: Prompts, segmenter: NetworkSource | None) -> FoundMask:
-    """Find the mask by prompts, alpha or a network."""
+    height, width = shape
+    prompts = Prompts(
+        on=check_clicks(() if click is None else click, width, height),
+        off=check_clicks(() if exclude is None else exclude, width, height, "exclude"),
+        box=None if box is None else check_box(box, width, height),
+    )
     source = source_of(prompts)
     if source == "network":
         alpha = mask_from_alpha(pixels.alpha, pixels.name)
@@ -95,15 +96,6 @@ def _find(pixels: Pixels, prompts: Prompts, segmenter: NetworkSource | None) -> 
     if found is None:
         raise _not_found(pixels, prompts)
     return _judged(pixels, prompts, found, network, source)
-
-
-def check_prompts(click: Clicks | None, exclude: Clicks | None, box, width: int, height: int) -> Prompts:
-    """Check a caller's clicks and box; InvalidMask if they do not lie in a photo of this size."""
-    return Prompts(
-        on=check_clicks(() if click is None else click, width, height),
-        off=check_clicks(() if exclude is None else exclude, width, height, "exclude"),
-        box=None if box is None else check_box(box, width, height),
-    )
 
 
 def source_of(prompts: Prompts) -> str:

@@ -5,15 +5,14 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import TypeGuard
 
 import numpy as np
 from PIL import Image
 
 from anyprobe.core.color import to_bytes
 from anyprobe.errors import InvalidMask, InvalidPhoto
-from anyprobe.files.paths import open_regular
 from anyprobe.maps.exr import EXR_MAGIC, read_exr
+from anyprobe.maps.radiance import bytes_of
 from anyprobe.masks.check import IN_OBJECT, MASK_BLACK, MASK_WHITE, check_mask
 from anyprobe.pictures.headers import MAX_PIXELS
 from anyprobe.pictures.images import read_image
@@ -45,7 +44,7 @@ def mask_from_file(source: MaskPicture, shape: tuple[int, int]) -> np.ndarray:
         source: anything read_image takes, or a boolean or 0/1 array.
         shape: (height, width) of the photo after its EXIF rotation.
     """
-    if isinstance(source, np.ndarray) and (source.dtype == bool or _is_binary(source)):
+    if isinstance(source, np.ndarray) and source.size and source.dtype.kind in "bui" and np.isin(source, (0, 1)).all():
         source = source.astype(np.uint8) * 255
     if isinstance(source, np.ndarray) and not _is_mask_array(source):
         raise InvalidMask(
@@ -72,8 +71,8 @@ def mask_from_file(source: MaskPicture, shape: tuple[int, int]) -> np.ndarray:
 def _read(source: MaskPicture) -> tuple[np.ndarray, np.ndarray | None, str]:
     """Return a mask picture's brightness [H, W] in [0, 1], its alpha or None, and its name for messages."""
     name = Path(source).name if isinstance(source, (str, os.PathLike)) else "mask"
-    if _is_exr(source):
-        return *_read_exr(source, name), name
+    if data := bytes_of(source, EXR_MAGIC):
+        return *_read_exr(data, name), name
     pixels = read_image(source, name, as_data=True)
     is_exact = isinstance(source, np.ndarray) and np.issubdtype(source.dtype, np.floating)
     return pixels.rgb.max(axis=-1) if is_exact else _brightness(pixels.rgb), pixels.alpha, pixels.name
@@ -87,27 +86,13 @@ def _brightness(rgb: np.ndarray) -> np.ndarray:
     return np.clip(brightness, 0.0, 1.0, out=brightness)
 
 
-def _read_exr(source: str | os.PathLike[str] | bytes, name: str) -> tuple[np.ndarray, np.ndarray | None]:
+def _read_exr(data: bytes, name: str) -> tuple[np.ndarray, np.ndarray | None]:
     """Read the brightest channel as stored, and alpha or None, both [H, W] in [0, 1]."""
-    data = bytes(source) if isinstance(source, (bytearray, memoryview)) else source
     values = read_exr(data, name, InvalidPhoto, MAX_PIXELS)
     if not np.isfinite(values).all():
         raise InvalidPhoto("expected finite values, got NaN or infinity; repair the picture first", source=name)
     alpha = np.clip(values[..., 3], 0.0, 1.0) if values.shape[2] == 4 else None
     return np.clip(values[..., :3].max(axis=-1), 0.0, 1.0), alpha
-
-
-def _is_exr(source: MaskPicture) -> TypeGuard[str | os.PathLike[str] | bytes]:
-    """Return whether a source begins as an .exr; False for a file that cannot be opened, which read_image refuses."""
-    if isinstance(source, (bytes, bytearray, memoryview)):
-        return bytes(source[: len(EXR_MAGIC)]) == EXR_MAGIC
-    if not isinstance(source, (str, os.PathLike)):
-        return False
-    try:
-        with open_regular(source, InvalidPhoto) as stream:
-            return stream.read(len(EXR_MAGIC)) == EXR_MAGIC
-    except InvalidPhoto:
-        return False
 
 
 def mask_from_function(segment: MaskFunction, rgb: np.ndarray) -> np.ndarray:
@@ -131,8 +116,3 @@ def _is_mask_array(values: np.ndarray) -> bool:
     if values.size == 0 or values.dtype in (np.uint8, np.uint16) or values.dtype.kind not in "uif":
         return True
     return values.dtype.kind == "f" and not (np.nanmin(values) < 0 or np.nanmax(values) > 1)
-
-
-def _is_binary(values: np.ndarray) -> bool:
-    """Return whether an array holds only the integers 0 and 1, as labelling tools write."""
-    return np.issubdtype(values.dtype, np.integer) and values.size > 0 and bool(((values == 0) | (values == 1)).all())

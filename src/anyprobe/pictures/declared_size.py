@@ -12,10 +12,9 @@ from anyprobe.errors import AnyprobeError, InputError
 from anyprobe.files.paths import open_regular
 from anyprobe.maps.exr import EXR_MAGIC, exr_pixels
 from anyprobe.maps.image_io import open_image
-from anyprobe.maps.rgbe import HDR_MAGIC, hdr_pixels
-from anyprobe.pictures.deep_pixels import TIFF_STARTS
+from anyprobe.maps.radiance import HDR_MAGIC, hdr_pixels
+from anyprobe.pictures.deep_pixels import HEAD_BYTES, TIFF_STARTS, is_raw, raw_size
 from anyprobe.pictures.headers import JXL_STARTS, UnknownPicture, exif_fov_deg, jxl_size, open_picture, upright_size
-from anyprobe.pictures.raw import HEAD_BYTES, is_raw, raw_size
 
 
 def declared_pixels(data: bytes) -> int:

@@ -2,23 +2,145 @@
 
 Sources, in this order: code points of a PNG (cICP), an embedded profile, code points of HEIC and AVIF (nclx), a PNG's
 gAMA and cHRM where it does not say sRGB, EXIF's Adobe RGB (R03). A file without any is sRGB.
+
+Profiles (ICC.1) are interpreted by their contents, never by their names. Those of primaries and curves are read here,
+for pictures of any depth; profiles with tables, and all pictures of 8 bits, are left to LittleCMS.
 """
 
 from __future__ import annotations
 
+import io
 import struct
+from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import BinaryIO
 
 import numpy as np
-from PIL import ExifTags, Image
+from PIL import ExifTags, Image, ImageCms
 
 from anyprobe.maps.image_io import open_image
-from anyprobe.pictures.color_encoding import ADOBE_RGB, ColorEncoding, by_code_points, by_numbers, is_srgb, to_display
+from anyprobe.pictures.color_encoding import (
+    ADOBE_RGB,
+    ColorEncoding,
+    by_code_points,
+    by_numbers,
+    gamma,
+    is_srgb,
+    to_display,
+)
+from anyprobe.pictures.deep_pixels import HEAD_BYTES
 from anyprobe.pictures.file_parts import iso_boxes
-from anyprobe.pictures.icc import converted, encoding_of
-from anyprobe.pictures.raw import HEAD_BYTES
+from anyprobe.pictures.headers import exif_of
+
+_HEADER_BYTES = 128
+MAX_TAGS, MAX_POINTS = 200, 1 << 16
+
+SRGB_D50 = np.array(
+    [[0.4360657, 0.3851514, 0.1430784], [0.2224932, 0.7168870, 0.0606169], [0.0139237, 0.0970764, 0.7140961]]
+)
+"""Columns of CIE XYZ of sRGB's primaries as its profiles have them, adapted to their white, D50."""
+
+PARAMETRIC = ("g", "gab", "gabc", "gabcd", "gabcdef")
+"""Names of a parametric curve's parameters, by its type."""
+
+Curve = Callable[[np.ndarray], np.ndarray]
+
+
+def encoding_of(profile: bytes) -> ColorEncoding | None:
+    """Return the encoding of a profile of code points, of curves and primaries, or of one grey curve.
+
+    Returns:
+        None where it is damaged, or has tables or another colour space.
+    """
+    try:
+        tags = _tags(profile)
+        if "cicp" in tags and len(tags["cicp"]) >= 12:
+            primaries, transfer, _, full = tags["cicp"][8:12]
+            found = by_code_points(primaries, transfer, bool(full))
+            if found is not None and found.is_hdr:
+                return found
+        space, connection = profile[16:20], profile[20:24]
+        if space == b"GRAY" and connection == b"XYZ ":
+            curve = _curve(tags["kTRC"])
+            return ColorEncoding(matrix=np.eye(3), decode=curve)
+        if space != b"RGB " or connection != b"XYZ " or any(name.startswith("A2B") for name in tags):
+            return None
+        columns = np.stack([struct.unpack_from(">3i", tags[f"{name}XYZ"], 8) for name in "rgb"], axis=1) / 65536.0
+        matrix = np.linalg.solve(SRGB_D50, columns)
+        curves = [_curve(tags[f"{name}TRC"]) for name in "rgb"]
+    except (KeyError, ValueError, IndexError, struct.error):  # LinAlgError is a ValueError
+        return None
+
+    def decode(values: np.ndarray) -> np.ndarray:
+        return np.stack([curve(values[..., k]) for k, curve in enumerate(curves)], axis=-1)
+
+    return ColorEncoding(matrix=matrix, decode=decode)
+
+
+def converted(image: Image.Image, profile: bytes) -> Image.Image:
+    """Convert a picture of 8 bits (L, RGB or CMYK) to sRGB by LittleCMS.
+
+    Raises:
+        ValueError: the profile is damaged, or for another colour model.
+    """
+    try:
+        embedded = ImageCms.ImageCmsProfile(io.BytesIO(profile))
+        srgb, intent = ImageCms.createProfile("sRGB"), ImageCms.Intent.RELATIVE_COLORIMETRIC
+        done = ImageCms.profileToProfile(image, embedded, srgb, renderingIntent=intent, outputMode="RGB")
+    except (ImageCms.PyCMSError, OSError, ValueError) as error:
+        raise ValueError(" ".join(str(error).split())) from error
+    assert done is not None
+    return done
+
+
+def _tags(profile: bytes) -> dict[str, bytes]:
+    """Return a profile's tags by signature; struct.error or ValueError if it is not a profile."""
+    if profile[36:40] != b"acsp":
+        raise ValueError("no profile")
+    (count,) = struct.unpack_from(">I", profile, _HEADER_BYTES)
+    found = {}
+    for k in range(min(count, MAX_TAGS)):
+        name, at, size = struct.unpack_from(">4sII", profile, _HEADER_BYTES + 4 + 12 * k)
+        found[name.decode("latin-1")] = profile[at : at + size]
+    return found
+
+
+def _curve(tag: bytes) -> Curve:
+    """Return a curve's tag as a function of values in [0, 1]."""
+    if tag[:4] == b"para":
+        (kind,) = struct.unpack_from(">H", tag, 8)
+        names = PARAMETRIC[kind]
+        values = np.array(struct.unpack_from(f">{len(names)}i", tag, 12)) / 65536.0
+        return _parametric(dict(zip(names, values, strict=True)))
+    if tag[:4] != b"curv":
+        raise ValueError("no curve")
+    (count,) = struct.unpack_from(">I", tag, 8)
+    if count == 0:
+        return lambda values: values
+    if count == 1:
+        (exponent,) = struct.unpack_from(">H", tag, 12)
+        return gamma(exponent / 256.0)
+    if count > MAX_POINTS:
+        raise ValueError("a curve too long")
+    points = np.frombuffer(tag, ">u2", count, 12).astype(np.float32) / 65535.0
+    places = np.linspace(0.0, 1.0, count, dtype=np.float32)
+    return lambda values: np.interp(values, places, points).astype(np.float32)
+
+
+def _parametric(p: dict[str, float]) -> Curve:
+    """Return the curve of ICC.1:2022, table 68: (a x + b)^g + e for x >= d, else c x + f."""
+    g, a, b = p["g"], p.get("a", 1.0), p.get("b", 0.0)
+    if "d" in p:
+        start, slope, low, high = p["d"], p["c"], p.get("f", 0.0), p.get("e", 0.0)
+    else:
+        start = -b / a if a and "a" in p else 0.0
+        slope, low, high = 0.0, p.get("c", 0.0), p.get("c", 0.0)
+
+    def curve(values: np.ndarray) -> np.ndarray:
+        return np.where(values >= start, np.clip(a * values + b, 0.0, None) ** g + high, slope * values + low)
+
+    return curve
+
 
 USUAL_GAMMA = 1 / 2.2
 """PNG gamma by which most programs mean sRGB."""
@@ -27,21 +149,6 @@ GAMMA_TOLERANCE = 0.005
 ADOBE_GAMMA = 563 / 256
 R03, INTEROPERABILITY = "R03", 1
 """EXIF's name for Adobe RGB (DCF), and the tag that holds it."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class DisplayPixels:
-    """A picture in sRGB.
-
-    Attributes:
-        values: [H, W] or [H, W, 3], uint8, uint16 or float in [0, 1].
-        radiance: [H, W, 3] linear Rec. 709, above white too; or None.
-        warnings: one line each, without the picture's name.
-    """
-
-    values: np.ndarray
-    radiance: np.ndarray | None = None
-    warnings: tuple[str, ...] = ()
 
 
 def declared_encoding(
@@ -68,38 +175,38 @@ def declared_encoding(
         return None, profile, ()
     if image.format == "PNG" and "srgb" not in image.info:
         return _by_gamma(image), b"", ()
-    if image.format in ("JPEG", "MPO", "TIFF") and _is_adobe_rgb(image):
-        return by_numbers(ADOBE_RGB, ADOBE_GAMMA), b"", ()
+    if image.format in ("JPEG", "MPO", "TIFF"):
+        if str(exif_of(image, ExifTags.IFD.Interop).get(INTEROPERABILITY, ""))[:3] == R03:
+            return by_numbers(ADOBE_RGB, ADOBE_GAMMA), b"", ()
     return None, b"", ()
 
 
-def to_srgb(picture: Image.Image | np.ndarray, encoding: ColorEncoding | None, profile: bytes = b"") -> DisplayPixels:
+def to_srgb(
+    picture: Image.Image | np.ndarray, encoding: ColorEncoding | None, profile: bytes = b""
+) -> tuple[np.ndarray, np.ndarray | None, tuple[str, ...]]:
     """Convert a picture from an encoding or a profile to sRGB; unchanged if it has neither.
 
     picture: L, RGB or CMYK of Pillow; or [H, W] or [H, W, 3] of 16 bits or floats.
+
+    Returns:
+        Values [H, W] or [H, W, 3], uint8, uint16 or float in [0, 1]; radiance [H, W, 3], linear Rec. 709, above white
+        too, or None; and warnings, one line each, without the picture's name.
     """
     has_8_bits = isinstance(picture, Image.Image)
     if profile:
         encoding = encoding_of(profile)
-        space = {"L": b"GRAY", "RGB": b"RGB ", "CMYK": b"CMYK"}[_mode(picture)]
-        if profile[16:20] != space and profile[36:40] == b"acsp":
-            return DisplayPixels(values=_plain(picture), warnings=(UNFIT,))
+        mode = picture.mode if isinstance(picture, Image.Image) else "L" if picture.ndim == 2 else "RGB"
+        if profile[16:20] != {"L": b"GRAY", "RGB": b"RGB ", "CMYK": b"CMYK"}[mode] and profile[36:40] == b"acsp":
+            return _plain(picture), None, (UNFIT,)
         if encoding is None or (has_8_bits and not encoding.is_hdr and not is_srgb(encoding)):
             return _by_table(picture, profile)
     values = _plain(picture)
     if encoding is None or is_srgb(encoding):
-        return DisplayPixels(values=values)
-    display, radiance = to_display(values, encoding)
-    return DisplayPixels(values=display, radiance=radiance)
+        return values, None, ()
+    return *to_display(values, encoding), ()
 
 
 UNFIT = "its colour profile is damaged or for another colour model; read as sRGB"
-
-
-def _mode(picture: Image.Image | np.ndarray) -> str:
-    if isinstance(picture, Image.Image):
-        return picture.mode
-    return "L" if picture.ndim == 2 else "RGB"
 
 
 def _plain(picture: Image.Image | np.ndarray) -> np.ndarray:
@@ -109,15 +216,15 @@ def _plain(picture: Image.Image | np.ndarray) -> np.ndarray:
     return picture
 
 
-def _by_table(picture: Image.Image | np.ndarray, profile: bytes) -> DisplayPixels:
+def _by_table(picture: Image.Image | np.ndarray, profile: bytes) -> tuple[np.ndarray, None, tuple[str, ...]]:
     """Convert by LittleCMS, with 8 bits."""
     if not isinstance(picture, Image.Image):
         scaled = picture * 255.0 if picture.dtype.kind == "f" else picture / 257.0
         picture = Image.fromarray(np.clip(np.round(scaled), 0, 255).astype(np.uint8))
     try:
-        return DisplayPixels(values=np.asarray(converted(picture, profile)))
+        return np.asarray(converted(picture, profile)), None, ()
     except ValueError:
-        return DisplayPixels(values=_plain(picture), warnings=(UNFIT,))
+        return _plain(picture), None, (UNFIT,)
 
 
 def _code_points(image: Image.Image, stream: BinaryIO | None) -> tuple[int, int, bool, int] | None:
@@ -170,10 +277,3 @@ def _by_gamma(image: Image.Image) -> ColorEncoding | None:
         gamma = None
     white_first = tuple(map(float, found)) if found else None
     return by_numbers(white_first and white_first[2:] + white_first[:2], None if not gamma else 1.0 / gamma)
-
-
-def _is_adobe_rgb(image: Image.Image) -> bool:
-    try:
-        return str(image.getexif().get_ifd(ExifTags.IFD.Interop).get(INTEROPERABILITY, ""))[:3] == R03
-    except Exception:  # its parser raises whatever the bad bytes lead it to
-        return False

@@ -7,6 +7,9 @@ Ultra HDR (Android: XMP of the namespace hdrgm) and ISO 21496-1, in a second JPE
 in linear light, with g in [0, 1] of the map's pixels. A HEIC holds ISO's as an item. Apple's maps, in JPEG and HEIC,
 mean the picture's light times 1 + (headroom - 1) g, with g the map's values decoded by Rec. 709's curve ("Applying
 Apple HDR effect to your photos", developer.apple.com); the camera notes the headroom.
+
+Ultra HDR is written too, in Android's XMP (hdrgm 1.0), with o_h = o_s = min = 0, gamma = 1 and SDR = min(HDR, 1) in
+sRGB, channel by channel. The second picture follows the first; CIPA's multi-picture segment has its offset.
 """
 
 from __future__ import annotations
@@ -15,18 +18,22 @@ import io
 import re
 import struct
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
 from PIL import Image
 from PIL.JpegImagePlugin import JpegImageFile
 
-from anyprobe.pictures.color_encoding import STRIP_PIXELS, srgb_to_linear
-from anyprobe.pictures.deep_pixels import turned_upright
+from anyprobe.core.color import to_bytes
+from anyprobe.files.atomic import atomic_path
+from anyprobe.pictures.color_encoding import STRIP_PIXELS, linear_to_srgb, srgb_to_linear
+from anyprobe.pictures.deep_pixels import HEAD_BYTES, turned_upright
 from anyprobe.pictures.file_parts import XMP, find_tone_map, jpeg_pictures
 from anyprobe.pictures.headers import apple_numbers, open_picture
-from anyprobe.pictures.raw import HEAD_BYTES
 
 ISO = b"urn:iso:std:iso:ts:21496:-1\0"
 
@@ -73,38 +80,47 @@ class GainMap:
 
 def gain_map_of(image: Image.Image, stream: BinaryIO | None) -> GainMap | None:
     """Return the gain map of a JPEG or HEIC whose open file is stream; None where it has none that can be read."""
-    if stream is None or image.format not in ("JPEG", "MPO", "HEIF"):
+    if stream is None:
         return None
-    stream.seek(0)
-    if image.format == "HEIF":
-        return _of_tone_map(image, stream) or _of_heif(image, stream)
+    readers = {"JPEG": (_of_jpeg,), "MPO": (_of_jpeg,), "HEIF": (_of_tone_map, _of_heif)}
+    for read in readers.get(image.format or "", ()):
+        stream.seek(0)
+        with suppress(Exception):  # decoders raise whatever the bad bytes lead them to
+            if (found := read(image, stream)) is not None:
+                return found
+    return None
+
+
+def _of_jpeg(image: Image.Image, stream: BinaryIO) -> GainMap | None:
+    """Return a gain map of Ultra HDR or ISO, else Apple's."""
     head = stream.read(HEAD_BYTES)
     if any(mark in head for mark in MARKS):
         return find_gain_map(head + stream.read(MOST_BYTES))
-    return _of_apple_jpeg(image, head + stream.read(MOST_BYTES)) if image.format == "MPO" else None
+    pictures = jpeg_pictures(head + stream.read(MOST_BYTES)) if image.format == "MPO" else iter(())
+    for picture in islice(pictures, 1, None):
+        xmp = [part for part in _segments(picture) if part.startswith(XMP) and _APPLE.search(part)]
+        headroom = apple_headroom(image, xmp[0]) if xmp else None
+        if headroom is not None:
+            return _apple_map(_decoded(picture), headroom)
+    return None
 
 
 def _of_tone_map(image: Image.Image, stream: BinaryIO) -> GainMap | None:
     """Return the gain map of an item of ISO 21496-1."""
     data = stream.read(MOST_BYTES)
-    stream.seek(0)
-    if b"tmap" not in data[:BRAND_BYTES]:
+    found = find_tone_map(data) if b"tmap" in data[:BRAND_BYTES] else None
+    numbers = None if found is None else _of_iso(found[0])
+    if found is None or numbers is None:
         return None
-    try:
-        found = find_tone_map(data)
-        numbers = None if found is None else _of_iso(found[0])
-        if found is None or numbers is None:
+    with open_picture(io.BytesIO(found[1])) as picture:
+        if not _fits(picture.size, image.size):
             return None
-        with open_picture(io.BytesIO(found[1])) as picture:
-            if picture.width * picture.height > MAX_MAP_PIXELS or _is_turned(picture.size, image.size):
-                return None
-            return _checked(picture.convert("L" if picture.mode == "L" else "RGB"), *numbers)
-    except Exception:  # decoders raise whatever the bad bytes lead them to
-        return None
+        return _checked(picture.convert("L" if picture.mode == "L" else "RGB"), *numbers)
 
 
-def _is_turned(gain: tuple[int, int], picture: tuple[int, int]) -> bool:
-    return abs(gain[0] / gain[1] / (picture[0] / picture[1]) - 1.0) > ASPECT_TOLERANCE
+def _fits(gain: tuple[int, int], picture: tuple[int, int]) -> bool:
+    is_alike = abs(gain[0] / gain[1] / (picture[0] / picture[1]) - 1.0) <= ASPECT_TOLERANCE
+    return is_alike and gain[0] * gain[1] <= MAX_MAP_PIXELS
 
 
 def _of_heif(image: Image.Image, stream: BinaryIO) -> GainMap | None:
@@ -114,25 +130,8 @@ def _of_heif(image: Image.Image, stream: BinaryIO) -> GainMap | None:
         return None
     import pillow_heif
 
-    try:
-        found = pillow_heif.open_heif(stream)[0].get_aux_image(items[0][0])
-        if found.size[0] * found.size[1] > MAX_MAP_PIXELS or _is_turned(found.size, image.size):
-            return None
-        return _apple_map(found.to_pillow(), headroom)
-    except Exception:  # decoders raise whatever the bad bytes lead them to
-        return None
-
-
-def _of_apple_jpeg(image: Image.Image, data: bytes) -> GainMap | None:
-    for number, picture in enumerate(jpeg_pictures(data)):
-        xmp = [part for part in _segments(picture) if part.startswith(XMP) and _APPLE.search(part)] if number else []
-        headroom = apple_headroom(image, xmp[0]) if xmp else None
-        if headroom is not None:
-            try:
-                return _apple_map(_decoded(picture), headroom)
-            except ValueError:
-                return None
-    return None
+    found = pillow_heif.open_heif(stream)[0].get_aux_image(items[0][0])
+    return _apple_map(found.to_pillow(), headroom) if _fits(found.size, image.size) else None
 
 
 def _segments(picture: bytes) -> list[bytes]:
@@ -145,24 +144,20 @@ def _segments(picture: bytes) -> list[bytes]:
 
 def _apple_map(image: Image.Image, headroom: float) -> GainMap:
     def apply(base: np.ndarray, gain: np.ndarray) -> np.ndarray:
-        return base * (1.0 + (headroom - 1.0) * rec709_to_linear(gain))
+        linear = np.where(gain < 0.081, gain / 4.5, ((gain + 0.099) / 1.099) ** (1 / 0.45))  # of ITU-R BT.709
+        return base * (1.0 + (headroom - 1.0) * linear)
 
     return GainMap(image=image.convert("L"), apply=apply)
 
 
 def find_gain_map(data: bytes) -> GainMap | None:
     """Return the Ultra HDR or ISO gain map of a JPEG; None where it has none, one that darkens, or a damaged one."""
-    for number, picture in enumerate(jpeg_pictures(data)):
-        if number == 0:
-            continue
+    for picture in islice(jpeg_pictures(data), 1, None):
         for segment in _segments(picture):
-            try:
+            with suppress(Exception):  # decoders raise whatever the bad bytes lead them to
                 numbers = _of_iso(segment[len(ISO) :]) if segment.startswith(ISO) else _of_xmp(segment)
-                found = None if numbers is None else _checked(_decoded(picture), *numbers)
-            except (struct.error, ValueError, ZeroDivisionError):
-                continue
-            if found is not None:
-                return found
+                if numbers is not None:
+                    return _checked(_decoded(picture), *numbers)
     return None
 
 
@@ -189,7 +184,7 @@ def misses_gain_map(image: Image.Image, stream: BinaryIO | None, display: np.nda
     return b"tmap" in stream.read(BRAND_BYTES)
 
 
-def _checked(image: Image.Image, *numbers: np.ndarray) -> GainMap | None:
+def _checked(image: Image.Image, *numbers: np.ndarray) -> GainMap:
     """Return the map with these parameters, see _of_iso; ValueError where they are implausible."""
     low, high, gamma, base_offset, offset = (np.broadcast_to(np.asarray(number, np.float32), 3) for number in numbers)
     plausible = np.abs([low, high]).max() <= MOST_STOPS and (gamma > 0.01).all() and (gamma < 100.0).all()
@@ -203,14 +198,11 @@ def _checked(image: Image.Image, *numbers: np.ndarray) -> GainMap | None:
 
 
 def _decoded(picture: bytes) -> Image.Image:
-    """Decode a map's JPEG to L or RGB; ValueError where it is damaged or too large."""
-    try:
-        stored = JpegImageFile(io.BytesIO(picture), "")
-        if stored.width * stored.height > MAX_MAP_PIXELS:
-            raise ValueError
-        return stored.convert("L" if stored.mode == "L" else "RGB")
-    except Exception as error:  # decoders raise whatever the bad bytes lead them to
-        raise ValueError from error
+    """Decode a map's JPEG to L or RGB; ValueError where it is too large."""
+    stored = JpegImageFile(io.BytesIO(picture), "")
+    if stored.width * stored.height > MAX_MAP_PIXELS:
+        raise ValueError
+    return stored.convert("L" if stored.mode == "L" else "RGB")
 
 
 def _of_iso(data: bytes) -> tuple[np.ndarray, ...] | None:
@@ -280,6 +272,73 @@ def apple_headroom(image: Image.Image, xmp: bytes = b"") -> float | None:
     return float(np.clip(2.0**stops, 1.0, MOST_HEADROOM))
 
 
-def rec709_to_linear(values: np.ndarray) -> np.ndarray:
-    """Decode values in [0, 1] by the inverse of ITU-R BT.709's curve."""
-    return np.where(values < 0.081, values / 4.5, ((values + 0.099) / 1.099) ** (1 / 0.45))
+QUALITY, GAIN_QUALITY = 95, 98
+"""Qualities of both JPEG pictures."""
+LEAST_STOPS = 1.0
+_RDF = "http://www.w3.org/1999/02/22-rdf-syntax-ns#"
+_NAMES = (
+    'xmlns:hdrgm="http://ns.adobe.com/hdr-gain-map/1.0/" xmlns:Container="http://ns.google.com/photos/1.0/container/" '
+    'xmlns:Item="http://ns.google.com/photos/1.0/container/item/"'
+)
+
+
+def write_ultra_hdr(path: str | Path, radiance: np.ndarray) -> float:
+    """Write linear light [H, W, 3] as an Ultra HDR JPEG, atomically.
+
+    Returns:
+        The largest radiance that it holds.
+    Raises:
+        OutputError: it cannot be written.
+    """
+    white = float(2.0 ** np.clip(np.log2(max(float(radiance.max()), 1e-6)), LEAST_STOPS, MOST_STOPS))
+    stops = float(np.log2(white))
+    gain = np.log2(np.clip(radiance, 1.0, white)) / stops
+    base = _jpeg(linear_to_srgb(np.clip(radiance, 0.0, 1.0)), QUALITY)
+    behind = _with_segments(_jpeg(gain, GAIN_QUALITY), [(0xE1, XMP + _gain_xmp(stops))])
+    directory = XMP + _container_xmp(len(behind))
+    length = len(_with_segments(base, [(0xE1, directory), (0xE2, _pictures(0, 0, 0))]))
+    tiff = 2 + (2 + 2 + len(directory)) + 2 + 2 + 4  # where the multi-picture segment's offsets count from
+    data = _with_segments(base, [(0xE1, directory), (0xE2, _pictures(length, len(behind), length - tiff))])
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(data + behind)
+    return white
+
+
+def _jpeg(display: np.ndarray, quality: int) -> bytes:
+    stream = io.BytesIO()
+    Image.fromarray(to_bytes(display)).save(stream, "JPEG", quality=quality, subsampling=0)
+    return stream.getvalue()
+
+
+def _with_segments(picture: bytes, segments: list[tuple[int, bytes]]) -> bytes:
+    """Insert application segments behind a JPEG's start marker."""
+    parts = [struct.pack(">BBH", 0xFF, kind, 2 + len(body)) + body for kind, body in segments]
+    return picture[:2] + b"".join(parts) + picture[2:]
+
+
+def _gain_xmp(stops: float) -> bytes:
+    said = 'Version="1.0" BaseRenditionIsHDR="False" GainMapMin="0" GainMapMax="{0:.6f}" Gamma="1" OffsetSDR="0" '
+    said += 'OffsetHDR="0" HDRCapacityMin="0" HDRCapacityMax="{0:.6f}"'
+    return _xmp(" ".join(f"hdrgm:{one}" for one in said.format(stops).split()), "")
+
+
+def _container_xmp(length: int) -> bytes:
+    items = (("Primary", ""), ("GainMap", f' Item:Length="{length}"'))
+    kinds = (f'Item:Semantic="{name}" Item:Mime="image/jpeg"{more}' for name, more in items)
+    listed = "".join(f'<rdf:li rdf:parseType="Resource"><Container:Item {kind}/></rdf:li>' for kind in kinds)
+    directory = f"<Container:Directory><rdf:Seq>{listed}</rdf:Seq></Container:Directory>"
+    return _xmp('hdrgm:Version="1.0"', directory)
+
+
+def _xmp(attributes: str, inside: str) -> bytes:
+    about = f'<rdf:Description rdf:about="" xmlns:rdf="{_RDF}" {_NAMES} {attributes}>{inside}</rdf:Description>'
+    return f'<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:RDF xmlns:rdf="{_RDF}">{about}</rdf:RDF></x:xmpmeta>'.encode()
+
+
+def _pictures(primary: int, gain: int, offset: int) -> bytes:
+    """Return CIPA DC-007's segment for two pictures: sizes in bytes, and the offset of the second."""
+    entry = struct.Struct("<IIIHH")
+    head = b"MPF\0" + struct.pack("<2sHIH", b"II", 42, 8, 3)
+    fields = struct.pack("<HHI4s", 0xB000, 7, 4, b"0100") + struct.pack("<HHII", 0xB001, 4, 1, 2)
+    fields += struct.pack("<HHII", 0xB002, 7, 2 * entry.size, 50) + struct.pack("<I", 0)
+    return head + fields + entry.pack(0x030000, primary, 0, 0, 0) + entry.pack(0, gain, offset, 0, 0)

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import struct
+import io
 from contextlib import suppress
 from importlib import import_module
 from itertools import islice
-from typing import Any, BinaryIO, cast
+from typing import Any, BinaryIO
 
 import numpy as np
 from PIL import ExifTags, Image, ImageFile
-from PIL.TiffImagePlugin import TiffImageFile
+from PIL.TiffImagePlugin import ImageFileDirectory_v2
 
 from anyprobe.errors import InvalidPhoto, MissingExtra
 from anyprobe.notices import CHOOSE_PHOTO, USE_VIDEO, Remedy
@@ -123,18 +123,14 @@ def check_size(width: int, height: int, name: str) -> None:
 def upright_size(image: Image.Image) -> tuple[int, int]:
     """Return width and height of the picture as it is shown."""
     width, height = image.size
-    if _exif(image).get(ExifTags.Base.Orientation) not in ON_ITS_SIDE:
-        return width, height
-    if image.format == "TIFF":  # some versions of Pillow turn the size of TIFFs, and of no others
-        tags = cast(TiffImageFile, image).tag_v2
-        width, height = tags[ExifTags.Base.ImageWidth], tags[ExifTags.Base.ImageLength]
-    return height, width
+    is_turned = image.format != "TIFF" and exif_of(image).get(ExifTags.Base.Orientation) in ON_ITS_SIDE
+    return (height, width) if is_turned else (width, height)  # Pillow turns the size of TIFFs, and of no others
 
 
 def exif_fov_deg(image: Image.Image) -> float | None:
     """Return the field of view [degrees] of the longer side, 2 atan(18 / f), f the 35 mm equivalent [mm]; or None."""
     try:
-        focal_mm = float(_exif(image, ExifTags.IFD.Exif).get(ExifTags.Base.FocalLengthIn35mmFilm, 0))
+        focal_mm = float(exif_of(image, ExifTags.IFD.Exif).get(ExifTags.Base.FocalLengthIn35mmFilm, 0))
     except (TypeError, ValueError, ZeroDivisionError, OverflowError):
         return None
     if not 2.0 <= focal_mm <= 2000.0:  # 0 means unknown
@@ -144,7 +140,7 @@ def exif_fov_deg(image: Image.Image) -> float | None:
 
 def exif_exposure(image: Image.Image) -> float | None:
     """Return the exposure t S / N^2 [s x ISO] (ISO 2720): the sensor's light times its gain; None if EXIF lacks any."""
-    exif = _exif(image, ExifTags.IFD.Exif)
+    exif = exif_of(image, ExifTags.IFD.Exif)
     tags = (ExifTags.Base.ExposureTime, ExifTags.Base.ISOSpeedRatings, ExifTags.Base.FNumber)
     try:
         values = (value[0] if isinstance(value, tuple) else value for value in map(exif.get, tags))
@@ -208,7 +204,7 @@ def jxl_boxes(data: bytes, wanted: bytes) -> list[bytes]:
     return found
 
 
-def _exif(image: Image.Image, directory: int | None = None) -> Any:
+def exif_of(image: Image.Image, directory: int | None = None) -> Any:
     """Return EXIF tags; empty if they are damaged, since the picture can be used without them."""
     try:
         exif = image.getexif()
@@ -245,11 +241,10 @@ def _register_heic(name: str) -> None:
 # Image::ExifTool::Apple. The accelerometer's vector is in units of g along the screen's left, the screen's lower edge,
 # and into the screen; of a phone at rest it is upward.
 
-_NOTE = b"Apple iOS\0"
-_FIRST_ENTRY = 16
+_NOTE, _DIRECTORY = b"Apple iOS\0", 14
+_BEGINS = {b"II": b"II*\0\0\0\0\0", b"MM": b"MM\0*\0\0\0\0"}
 _SIGNED_RATIONAL = 10
 _ACCELERATION = 8
-MOST_ENTRIES, MOST_NUMBERS = 500, 16
 AT_REST = (0.9, 1.1)
 """Range of the length [g] of the accelerometer's vector in which a phone counts as at rest."""
 MOST_ROLL_DEG = 40.0
@@ -266,8 +261,14 @@ _UPRIGHT = {
 def apple_numbers(image: Image.Image) -> dict[int, tuple[float, ...]]:
     """Return the note's signed rationals by tag; empty where there is no note, or a damaged one."""
     try:
-        note = bytes(image.getexif().get_ifd(ExifTags.IFD.Exif).get(ExifTags.Base.MakerNote, b""))
-        return _numbers(note)
+        note = bytes(exif_of(image, ExifTags.IFD.Exif).get(ExifTags.Base.MakerNote, b""))
+        if not note.startswith(_NOTE):
+            return {}
+        stream, tags = io.BytesIO(note), ImageFileDirectory_v2(_BEGINS[note[12:14]])
+        stream.seek(_DIRECTORY)
+        tags.load(stream)
+        found = {tag: np.atleast_1d(tags[tag]) for tag, kind in tags.tagtype.items() if kind == _SIGNED_RATIONAL}
+        return {tag: tuple(float(one) if one.denominator else 0.0 for one in numbers) for tag, numbers in found.items()}
     except Exception:  # its parser raises whatever the bad bytes lead it to
         return {}
 
@@ -293,18 +294,3 @@ def apple_posture_deg(image: Image.Image) -> tuple[float, float] | None:
     pitch = np.degrees(np.arctan2(-up[2], np.hypot(right, above)))
     roll = np.degrees(np.arctan2(right, above))
     return (float(pitch), float(roll)) if abs(roll) <= MOST_ROLL_DEG else None
-
-
-def _numbers(note: bytes) -> dict[int, tuple[float, ...]]:
-    if not note.startswith(_NOTE):
-        return {}
-    order = "<" if note[12:14] == b"II" else ">"
-    (count,) = struct.unpack_from(f"{order}H", note, _FIRST_ENTRY - 2)
-    found = {}
-    for k in range(min(count, MOST_ENTRIES)):
-        tag, kind, length, at = struct.unpack_from(f"{order}HHII", note, _FIRST_ENTRY + 12 * k)
-        if kind == _SIGNED_RATIONAL and 1 <= length <= MOST_NUMBERS:
-            numbers = struct.unpack_from(f"{order}{2 * length}i", note, at)
-            pairs = zip(numbers[::2], numbers[1::2], strict=True)
-            found[tag] = tuple(above / below if below else 0.0 for above, below in pairs)
-    return found

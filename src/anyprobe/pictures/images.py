@@ -21,20 +21,22 @@ from anyprobe.errors import InvalidEnvironment, InvalidPhoto
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.paths import open_regular
 from anyprobe.maps.exr import EXR_MAGIC, exr_attributes, read_exr
-from anyprobe.maps.radiance import ATTRIBUTE, decode_hdr
-from anyprobe.maps.rgbe import HDR_HEADER_BYTES, HDR_MAGIC, read_comments
+from anyprobe.maps.radiance import ATTRIBUTE, HDR_HEADER_BYTES, HDR_MAGIC, decode_hdr, read_comments
 from anyprobe.notices import Notice
 from anyprobe.pictures.color_encoding import is_linear
 from anyprobe.pictures.deep_pixels import (
+    HEAD_BYTES,
     TIFF_STARTS,
     DeepPicture,
+    develop,
     heif_sixteen_bits,
+    is_raw,
     read_deep,
     read_sixteen_bits,
     straight,
     turned_upright,
 )
-from anyprobe.pictures.embedded_color import declared_encoding, to_srgb
+from anyprobe.pictures.embedded_color import declared_encoding, encoding_of, to_srgb
 from anyprobe.pictures.gain_map import UNREAD, gain_map_of, misses_gain_map
 from anyprobe.pictures.headers import (
     MAX_PIXELS,
@@ -47,8 +49,6 @@ from anyprobe.pictures.headers import (
     open_picture,
     orientation_of,
 )
-from anyprobe.pictures.icc import encoding_of
-from anyprobe.pictures.raw import HEAD_BYTES, develop, is_raw
 
 ImageSource = str | os.PathLike[str] | bytes | Image.Image | np.ndarray
 
@@ -112,9 +112,6 @@ def read_image(source: ImageSource, name: str | None = None, *, as_data: bool = 
 
 USUAL_PNG, FAST_PNG, MANY_VALUES = 6, 1, 24_000_000
 """Compression levels of a PNG, and of one of more than MANY_VALUES: a third of the time for a tenth more bytes."""
-STRIP_ROWS = 64
-"""Number of rows of a large picture that are converted at a time."""
-
 ALL_AROUND = (
     "a panorama of all around, not a photo by one lens; cut the part with the object out, as a rectilinear view"
 )
@@ -129,7 +126,7 @@ def write_png(path: str | os.PathLike[str], rgb: np.ndarray) -> None:
     """Write [H, W], [H, W, 3] or [H, W, 4] as PNG: uint8, or float display values in [0, 1]."""
     image = np.asarray(rgb)
     if image.dtype != np.uint8:
-        image = picture_bytes(image)
+        image = to_bytes(image)
     with atomic_path(path) as temporary:
         level = FAST_PNG if image.size > MANY_VALUES else USUAL_PNG
         Image.fromarray(np.ascontiguousarray(image)).save(temporary, format="PNG", compress_level=level)
@@ -140,14 +137,6 @@ def png_bytes(picture: np.ndarray, **settings: Any) -> bytes:
     stream = io.BytesIO()
     Image.fromarray(np.ascontiguousarray(picture)).save(stream, format="PNG", **settings)
     return stream.getvalue()
-
-
-def picture_bytes(image: np.ndarray) -> np.ndarray:
-    """Convert display values as to_bytes does, a few rows at a time, to fit the processor's caches."""
-    result = np.empty(image.shape, np.uint8)
-    for top in range(0, len(image), STRIP_ROWS):
-        result[top : top + STRIP_ROWS] = to_bytes(image[top : top + STRIP_ROWS])
-    return result
 
 
 def _from_stream(stream: BinaryIO, num_bytes: int, name: str, as_data: bool, file_name: str = "") -> Pixels:
@@ -172,7 +161,7 @@ def _from_stream(stream: BinaryIO, num_bytes: int, name: str, as_data: bool, fil
     if is_raw(head, file_name):
         return _from_raw(stream, num_bytes, name)
     deep = read_deep(stream, head, name)
-    if deep is not None and deep.floats:
+    if deep is not None and deep.values.dtype.kind == "f":
         return _from_floats(deep, name, as_data)
     try:
         image = open_picture(stream, name)
@@ -225,8 +214,8 @@ def _from_pillow(
             picture = np.ascontiguousarray(deep[..., 0] if deep.shape[2] < 3 else deep[..., :3])
         else:
             picture, alpha = _opaque(image)
-        display = to_srgb(picture, encoding, profile)
-        gain_map = None if as_data or display.radiance is not None else gain_map_of(image, stream)
+        display, radiance, doubts = to_srgb(picture, encoding, profile)
+        gain_map = None if as_data or radiance is not None else gain_map_of(image, stream)
     except InvalidPhoto:
         raise
     except Exception as error:  # decoders raise whatever the bad bytes lead them to
@@ -236,12 +225,12 @@ def _from_pillow(
             "it in another program",
             source=name,
         ) from error
-    del picture, deep  # free their memory: the pixels are in display.values
-    pixels = _from_array(turned_upright(display.values, orientation), name)
+    del picture, deep  # free their memory: the pixels are in display
+    pixels = _from_array(turned_upright(display, orientation), name)
     if alpha is not None and (alpha < np.iinfo(alpha.dtype).max).any():
         alpha = turned_upright(alpha, orientation)
         pixels = replace(pixels, alpha=np.divide(alpha, np.float32(np.iinfo(alpha.dtype).max), dtype=np.float32))
-    radiance = None if display.radiance is None else turned_upright(display.radiance, orientation)
+    radiance = None if radiance is None else turned_upright(radiance, orientation)
     missed = not as_data and radiance is None and gain_map is None and misses_gain_map(image, stream, pixels.rgb)
     is_all_around = not as_data and "equirectangular" in str(image.info.get("xmp"))
     image_format = image.format
@@ -250,7 +239,7 @@ def _from_pillow(
         notes += (UNREAD,)
     if gain_map is not None:
         radiance = gain_map.radiance(pixels.rgb, orientation)
-    notes = tuple(Notice(note, code="colors", source=name) for note in (*notes, *display.warnings))
+    notes = tuple(Notice(note, code="colors", source=name) for note in (*notes, *doubts))
     if is_all_around:
         notes += (Notice(ALL_AROUND, code="environment-map", source=name),)
     if animated:
@@ -314,9 +303,9 @@ def _from_floats(found: DeepPicture, name: str, as_data: bool) -> Pixels:
         notes = (Notice(TAKEN_FOR_LINEAR, code="colors", source=name),) if doubt else ()
         return _with_exif(replace(pixels, warnings=notes), header)
     _check_finite(values, name)
-    display = to_srgb(color, replace(encoding, is_hdr=bool(color.max() > 1.0)))
-    pixels = _from_array(np.concatenate([np.clip(display.values, 0.0, 1.0), alpha.clip(0.0, 1.0)], axis=-1), name)
-    return _with_exif(replace(pixels, radiance=display.radiance), header)
+    display, radiance, _ = to_srgb(color, replace(encoding, is_hdr=bool(color.max() > 1.0)))
+    pixels = _from_array(np.concatenate([np.clip(display, 0.0, 1.0), alpha.clip(0.0, 1.0)], axis=-1), name)
+    return _with_exif(replace(pixels, radiance=radiance), header)
 
 
 def _check_finite(pixels: np.ndarray, name: str) -> None:
