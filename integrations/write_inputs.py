@@ -1,7 +1,7 @@
 """Write what other doors take from the one description of inputs: python integrations/write_inputs.py [--check]
 
-The JSON schema that ships with the package, types and options of the npm package, and the texts and bounds of the
-Blender extension. --check writes nothing and fails if a file is not fresh.
+Types and options of the npm package, and the texts and bounds of the Blender extension. --check writes nothing and
+fails if a file is not fresh.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ from anyprobe.inputs.hints import HINTS
 from anyprobe.inputs.settings import SETTINGS
 
 ROOT = Path(__file__).resolve().parents[1]
-SCHEMA = ROOT / "src" / "anyprobe" / "inputs" / "inputs.schema.json"
 TYPES = ROOT / "web" / "types" / "inputs.d.ts"
 OPTIONS = ROOT / "web" / "src" / "options.js"
 BLENDER = ROOT / "integrations" / "blender" / "light_from_photo" / "inputs.json"
@@ -28,43 +27,6 @@ INTERFACES = {"Hints": ("place",), "LightOptions": ("camera", "light")}
 """Names of TypeScript's interfaces, and what their inputs are about."""
 APART = ("mask", "normals", "longFovDeg")
 """Inputs of other interfaces: not every method takes them, or they are one of several ways to say the same."""
-
-
-def schema() -> dict[str, Any]:
-    """Return the JSON schema of all inputs by keyword of Python; x- entries are the names at other doors."""
-    return {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "title": "Inputs of an estimate",
-        "type": "object",
-        "properties": {name: described(hint) for name, hint in {**HINTS, **SETTINGS}.items()},
-        "additionalProperties": False,
-    }
-
-
-def described(hint: Hint) -> dict[str, Any]:
-    """Return the schema of one input."""
-    kinds = [_kind(hint, count) for count in hint.numbers]
-    if hint.suffixes:
-        kinds = [{"type": "string", "format": "binary"}]
-    if hint.words:
-        kinds.append({"enum": list(hint.words)})
-    kinds = kinds or [{"type": "string"}]
-    one = kinds[0] if len(kinds) == 1 else {"anyOf": kinds}
-    return {
-        **({"anyOf": [one, {"type": "array", "items": one}]} if hint.repeated else one),
-        "description": hint.help,
-        "x-about": hint.about,
-        **({"x-unit": hint.unit} if hint.unit else {}),
-        "x-option": f"--{hint.name.replace('_', '-')}",
-        **({"x-form": hint.name} if hint.about != "setting" or hint.words else {}),
-        **({"x-web": hint.in_web} if hint.in_web else {}),
-    }
-
-
-def _kind(hint: Hint, count: int) -> dict[str, Any]:
-    bounds = {name: one for name, one in (("minimum", hint.least), ("maximum", hint.most)) if one is not None}
-    number = {"type": "number", **bounds}
-    return number if count == 1 else {"type": "array", "items": number, "minItems": count, "maxItems": count}
 
 
 def for_web() -> dict[str, tuple[Hint, str]]:
@@ -121,12 +83,7 @@ def for_blender() -> dict[str, Any]:
 
 def files() -> dict[Path, str]:
     """Return what each file should hold."""
-    return {
-        SCHEMA: json.dumps(schema(), indent=1) + "\n",
-        TYPES: types(),
-        OPTIONS: options(),
-        BLENDER: json.dumps(for_blender(), indent=1) + "\n",
-    }
+    return {TYPES: types(), OPTIONS: options(), BLENDER: json.dumps(for_blender(), indent=1) + "\n"}
 
 
 def main() -> None:

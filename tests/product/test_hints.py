@@ -6,6 +6,7 @@ from __future__ import annotations
 import ast
 import importlib.util
 import inspect
+import json
 import re
 from dataclasses import fields
 from pathlib import Path
@@ -17,11 +18,12 @@ from support.refused import refused
 
 import anyprobe
 from anyprobe.cli.app import app
+from anyprobe.core.contract import contract
 from anyprobe.errors import InputError
 from anyprobe.estimate.estimator import Estimator, Settings, estimate
 from anyprobe.estimate.photo import load_photo
 from anyprobe.inputs.hints import HINTS, HintKeywords, Hints
-from anyprobe.inputs.settings import SettingKeywords
+from anyprobe.inputs.settings import SETTINGS, SettingKeywords
 from anyprobe.relight.ground_view import view_of
 
 ROOT = Path(__file__).parents[2]
@@ -71,10 +73,14 @@ def test_files_of_other_doors_are_fresh():
     spec.loader.exec_module(module)
     assert [path.name for path, text in module.files().items() if path.read_text(encoding="utf-8") != text] == []
     jsonschema = pytest.importorskip("jsonschema")
-    check = jsonschema.Draft202012Validator(module.schema())
+    schema = json.loads((ROOT / "src" / "anyprobe" / "inputs" / "inputs.schema.json").read_text(encoding="utf-8"))
+    check = jsonschema.Draft202012Validator(schema)
     assert check.is_valid({"fov_deg": 50, "click": [[1, 2], [3, 4]], "normals": "sphere"})
     assert not check.is_valid({"fov_deg": 500})
     assert not check.is_valid({"fov": 50})
+    bounds = {name: schema["properties"]["fov_deg"][name] for name in ("minimum", "maximum")}
+    assert list(bounds.values()) == [contract("lens")["least_fov_deg"], contract("lens")["most_fov_deg"]]
+    assert list(schema["properties"]) == [*HINTS, *SETTINGS]
 
 
 @pytest.mark.parametrize("kind", [Hints, Settings])

@@ -1,14 +1,15 @@
-"""How one input is described: its kind, unit, bounds, help, and its names at every door."""
+"""How one input is described: its kind, unit, bounds, help, and its names at every door; all by inputs.schema.json."""
 
 from __future__ import annotations
 
 import inspect
+import json
 import os
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from numbers import Real
 from pathlib import Path
-from typing import Any, Literal, TypeVar, get_args, get_type_hints
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 
@@ -33,7 +34,7 @@ class Hint:
         unit: of a number.
         least, most: bounds of a number.
         keyword: the field's name, Python's keyword.
-        name: its option, form field and query parameter; "": the field's name.
+        name: its option, form field and query parameter: the field's name without its unit.
         metavar: format of its text.
         numbers: allowed counts of comma-separated numbers in its text; none: it is a word or a file.
         repeated: whether it may be given several times.
@@ -45,18 +46,18 @@ class Hint:
 
     about: About
     help: str
-    unit: str = ""
-    least: float | None = None
-    most: float | None = None
-    keyword: str = ""
-    name: str = ""
-    metavar: str | None = None
-    numbers: tuple[int, ...] = ()
-    repeated: bool = False
-    example: str = ""
-    words: tuple[Any, ...] = ()
-    suffixes: tuple[str, ...] = ()
-    in_web: str = ""
+    unit: str
+    least: float | None
+    most: float | None
+    keyword: str
+    name: str
+    metavar: str | None
+    numbers: tuple[int, ...]
+    repeated: bool
+    example: str
+    words: tuple[str, ...]
+    suffixes: tuple[str, ...]
+    in_web: str
 
     def read(self, text: Any) -> Any:
         """Parse a text: a number, numbers, or the text itself; a list of texts one by one; else return it as it is.
@@ -77,7 +78,7 @@ class Hint:
     def _form(self) -> str:
         forms = ["a number"] if 1 in self.numbers else []
         forms += [self.metavar or ""] if self.numbers != (1,) else []
-        return " or ".join(forms) + (" in pixels" if self.metavar and self.about == "place" else "")
+        return " or ".join(forms) + (" in pixels" if self.unit == "px" else "")
 
     def read_word(self, text: str) -> str:
         """Check for one of the words accepted in place of a file; InputError for another."""
@@ -116,12 +117,31 @@ def numbers_in(text: str, *counts: int) -> tuple[float, ...]:
     return found if len(found) in counts and all(abs(one) < MAX_NUMBER for one in found) else ()  # NaN fails too
 
 
-def described(kind: type) -> dict[str, Hint]:
-    """Return the descriptions of a dataclass's fields by name, from Annotated[type, Hint]."""
+def described(kind: type, **files: tuple[str, ...]) -> dict[str, Hint]:
+    """Return the descriptions of a dataclass's fields by name, in their order; files: suffixes by x-files."""
+    text = Path(__file__).with_name("inputs.schema.json").read_text(encoding="utf-8")
     found = {}
-    for name, annotation in get_type_hints(kind, include_extras=True).items():
-        hint = get_args(annotation)[1]
-        found[name] = replace(hint, keyword=name, name=hint.name or name)
+    for name in (one.name for one in fields(kind)):
+        schema = json.loads(text)["properties"][name]
+        kinds = schema.get("anyOf", [schema])
+        counted = [one for one in kinds if one.get("type") == "number" or "minItems" in one]
+        bounds = counted[0].get("items", counted[0]) if counted else {}
+        found[name] = Hint(
+            about=schema["x-about"],
+            help=schema["description"],
+            unit=schema.get("x-unit", ""),
+            least=bounds.get("minimum"),
+            most=bounds.get("maximum"),
+            keyword=name,
+            name=schema["x-option"].removeprefix("--").replace("-", "_"),
+            metavar=schema.get("x-metavar"),
+            numbers=tuple(one.get("minItems", 1) for one in counted),
+            repeated=any("items" in one and "minItems" not in one for one in kinds),
+            example=schema.get("x-example", ""),
+            words=tuple(word for one in kinds for word in one.get("enum", ())),
+            suffixes=files.get(schema.get("x-files"), ()),
+            in_web=schema.get("x-web", ""),
+        )
     return found
 
 

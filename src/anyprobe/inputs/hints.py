@@ -1,8 +1,8 @@
 """Hints: everything that can be given of a photo: its object, its camera, its light.
 
-To add one, add a field to Hints and its keyword to HintKeywords. Options of the command line, fields of HTTP forms, the
-signatures of estimate, Estimator and load_photo, ComfyUI's nodes and `inputs.schema.json` follow from it;
-`python integrations/write_inputs.py` writes the last, the types of the npm package and the settings of the Blender
+To add one, describe it in `inputs.schema.json`, and add a field to Hints and its keyword to HintKeywords. Options of
+the command line, fields of HTTP forms, the signatures of estimate, Estimator and load_photo, and ComfyUI's nodes follow
+from it; `python integrations/write_inputs.py` writes the types of the npm package and the settings of the Blender
 extension. docs/how-to/inputs.md explains them.
 """
 
@@ -12,19 +12,18 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, TypedDict
+from typing import Any, TypedDict
 
 import numpy as np
 
-from anyprobe.core.contract import contract
 from anyprobe.errors import InputError, InvalidMask
-from anyprobe.inputs.description import Hint, described
+from anyprobe.inputs.description import described
 from anyprobe.masks.depth import DepthSource
 from anyprobe.masks.prompts import Clicks
 from anyprobe.masks.sources import MaskSource
 from anyprobe.notices import give, leave_out
-from anyprobe.pictures.images import ImageSource
 from anyprobe.pictures.deep_pixels import RAW_SUFFIXES
+from anyprobe.pictures.images import ImageSource
 from anyprobe.scatter.materials import Albedo, Material, as_material
 
 NormalsSource = str | os.PathLike[str] | bytes | np.ndarray
@@ -73,151 +72,21 @@ class Hints:
         InputError: conflicting hints, or a number out of its range, in one line.
     """
 
-    mask: Annotated[
-        MaskSource | None,
-        Hint(about="place", help="Mask image, white on the object.", suffixes=PICTURES, in_web="mask"),
-    ] = None
-    click: Annotated[
-        Clicks | None,
-        Hint(
-            about="place",
-            help="A point on the object, in pixels of the photo as shown (upright, square pixels); repeatable.",
-            unit="px",
-            metavar="X,Y",
-            numbers=(2,),
-            repeated=True,
-            example="120,90",
-            in_web="click",
-        ),
-    ] = None
-    exclude: Annotated[
-        Clicks | None,
-        Hint(
-            about="place",
-            help="A point that is not on the object, in pixels as the click; repeatable.",
-            unit="px",
-            metavar="X,Y",
-            numbers=(2,),
-            repeated=True,
-            example="20,90",
-            in_web="exclude",
-        ),
-    ] = None
-    box: Annotated[
-        Sequence[float] | None,
-        Hint(
-            about="place",
-            help="Box around the object, in pixels of the photo as shown (upright, square pixels).",
-            unit="px",
-            metavar="X0,Y0,X1,Y1",
-            numbers=(4,),
-            example="40,30,220,260",
-            in_web="box",
-        ),
-    ] = None
-    depth: Annotated[
-        DepthSource | None,
-        Hint(about="place", help="Depth image of the same view: the mask lies between near and far.", suffixes=ARRAYS),
-    ] = None
-    near: Annotated[
-        float | None,
-        Hint(about="place", help="Near clipping depth, in the depth image's own unit (often mm).", numbers=(1,)),
-    ] = None
-    far: Annotated[float | None, Hint(about="place", help="Far clipping depth, in the same unit.", numbers=(1,))] = None
-    fov_deg: Annotated[
-        float | None,
-        Hint(
-            about="camera",
-            help="Field of view of the photo's longer side, degrees; default: EXIF, else 60.",
-            unit="degrees",
-            least=contract("lens")["least_fov_deg"],
-            most=contract("lens")["most_fov_deg"],
-            name="fov",
-            numbers=(1,),
-            in_web="longFovDeg",
-        ),
-    ] = None
-    pitch_deg: Annotated[
-        float | None,
-        Hint(
-            about="camera",
-            help="How far the camera looks down, degrees: 0 level, 90 straight down.",
-            unit="degrees",
-            least=-90,
-            most=90,
-            name="pitch",
-            numbers=(1,),
-            in_web="pitchDeg",
-        ),
-    ] = None
-    roll_deg: Annotated[
-        float | None,
-        Hint(
-            about="camera",
-            help="How far the camera is turned to the left about its axis, degrees, beside its pitch.",
-            unit="degrees",
-            least=-60,
-            most=60,
-            name="roll",
-            numbers=(1,),
-        ),
-    ] = None
-    normals: Annotated[
-        NormalsSource | None,
-        Hint(
-            about="light",
-            help="The object's normal map: (n + 1) / 2 in a picture of the photo's size; +X right, +Y up, +Z toward "
-            "the camera; or sphere, if the object is one.",
-            words=(SPHERE,),
-            suffixes=ARRAYS,
-            in_web="normals",
-        ),
-    ] = None
-    material: Annotated[
-        Material | str | None,
-        Hint(
-            about="light",
-            help="The object's material: chrome, gold, plastic, matte (albedo 0.3) or a measured one (anyprobe "
-            "materials).",
-            metavar="NAME",
-            in_web="material",
-        ),
-    ] = None
-    albedo: Annotated[
-        Albedo | None,
-        Hint(
-            about="light",
-            help="Its linear diffuse albedo, or one number: 0.18 for a grey card.",
-            least=0,
-            most=1,
-            metavar="R,G,B",
-            numbers=(1, 3),
-            example="0.18",
-            in_web="material",
-        ),
-    ] = None
-    roughness: Annotated[
-        float | None,
-        Hint(
-            about="light",
-            help="Its roughness as in glTF, 0.1 to 1: the square root of GGX alpha.",
-            least=0.1,
-            most=1,
-            numbers=(1,),
-            in_web="material",
-        ),
-    ] = None
-    surroundings: Annotated[
-        SurroundingsSource | None,
-        Hint(
-            about="light",
-            help="Surroundings: auto (default) uses the photo around the object, unless that is cut out; photo uses it "
-            "in any case; none; or a panorama in the camera's frame, transparent where unknown.",
-            words=(AUTO, PHOTO, NONE),
-            suffixes=(*PICTURES, ".hdr"),
-            in_web="surroundings",
-        ),
-    ] = None
+    mask: MaskSource | None = None
+    click: Clicks | None = None
+    exclude: Clicks | None = None
+    box: Sequence[float] | None = None
+    depth: DepthSource | None = None
+    near: float | None = None
+    far: float | None = None
+    fov_deg: float | None = None
+    pitch_deg: float | None = None
+    roll_deg: float | None = None
+    normals: NormalsSource | None = None
+    material: Material | str | None = None
+    albedo: Albedo | None = None
+    roughness: float | None = None
+    surroundings: SurroundingsSource | None = None
 
     def __post_init__(self) -> None:
         given = dict(self.given())
@@ -268,7 +137,7 @@ class HintKeywords(TypedDict, total=False):
     surroundings: SurroundingsSource | None
 
 
-HINTS = described(Hints)
+HINTS = described(Hints, pictures=PICTURES, arrays=ARRAYS, panoramas=(*PICTURES, ".hdr"))
 """Descriptions by the field's name, in the order of Hints."""
 
 

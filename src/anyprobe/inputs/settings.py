@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Annotated, Any, TypedDict
+from typing import Any, TypedDict
 
 from anyprobe.errors import InputError
 from anyprobe.files.graphs import CPU
-from anyprobe.inputs.description import Hint, described
+from anyprobe.inputs.description import described
 from anyprobe.inputs.hints import HintKeywords
 from anyprobe.masks.networks import NetworkSource
 
 DEFAULT_MODEL = "lift"
-MODEL_HELP = "lift; paper: the chain of Park et al. 2020, trained as its model card says; or a folder of ONNX graphs."
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -31,25 +30,10 @@ class Settings:
         InputError: threads that are no whole number of 1 or more.
     """
 
-    model: Annotated[str, Hint(about="setting", help=MODEL_HELP)] = DEFAULT_MODEL
-    threads: Annotated[
-        int | None,
-        Hint(about="setting", help="Number of threads of ONNX Runtime; default: its choice.", least=1, numbers=(1,)),
-    ] = None
-    providers: Annotated[
-        str | Sequence[str],
-        Hint(
-            about="setting", help="Execution providers of ONNX Runtime, the preferred first.", metavar="NAME[,NAME...]"
-        ),
-    ] = CPU
-    segmenter: Annotated[
-        NetworkSource | None,
-        Hint(
-            about="setting",
-            help="Network that finds the object: u2netp, if its weights are installed, else small.",
-            metavar="NAME[:FILE]",
-        ),
-    ] = None
+    model: str = DEFAULT_MODEL
+    threads: int | None = None
+    providers: str | Sequence[str] = CPU
+    segmenter: NetworkSource | None = None
 
     def __post_init__(self) -> None:
         named = self.providers.split(",") if isinstance(self.providers, str) else self.providers

@@ -18,7 +18,7 @@ from rich.table import Table
 from anyprobe.cli.app import print_table
 from anyprobe.cli.options import bounded, folder_option
 from anyprobe.errors import InputError
-from anyprobe.inputs.settings import DEFAULT_MODEL, MODEL_HELP
+from anyprobe.inputs.settings import DEFAULT_MODEL, SETTINGS
 from anyprobe.notices import give
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ def evaluate(
         Path | None, Parameter(help="Folder of maps KEY.exr or KEY.hdr to score in the model's place.")
     ] = None,
     out: Annotated[Path, folder_option("Folder for scores.json and pictures.png.")] = Path("evaluation"),
-    model: Annotated[str, Parameter(help=MODEL_HELP)] = DEFAULT_MODEL,
+    model: Annotated[str, Parameter(help=SETTINGS["model"].help)] = DEFAULT_MODEL,
 ) -> None:
     """Score a model, or any program's maps, on a test set. Renders it, scores two baselines too, and prints tables."""
     conflicts = (
