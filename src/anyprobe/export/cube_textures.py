@@ -17,16 +17,14 @@ from __future__ import annotations
 import struct
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from anyprobe.core import Float
 from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.export.exported_light import ExportedLight, share_beyond, template
 from anyprobe.maps.radiance import HALF_MAX, write_hdr_picture
-
-if TYPE_CHECKING:
-    from jaxtyping import Float, Float16
 
 FACES = ("px", "nx", "py", "ny", "pz", "nz")
 
@@ -87,13 +85,6 @@ HALF_LEAST = 2.0**-25
 """Largest magnitude that a half float rounds to 0."""
 
 
-def to_half_rgba(faces: Float[np.ndarray, "6 S S 3"], limit: float) -> Float16[np.ndarray, "6 S S 4"]:
-    """Convert [6, S, S, 3] to [6, S, S, 4] float16, clamped, alpha 1."""
-    rgba = np.ones((*faces.shape[:3], 4), np.float16)
-    rgba[..., :3] = np.minimum(faces, limit)
-    return rgba
-
-
 IDENTIFIER = b"\xabKTX 20\xbb\r\n\x1a\n"
 VK_FORMAT_R16G16B16A16_SFLOAT = 97
 _HEADER_BYTES = 80
@@ -150,7 +141,8 @@ def write_faces(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
 def write_ktx2(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
     """Write <name>.ktx2, half floats with all mips, and <name>.js, which loads it into three.js as a cube."""
     levels = box_mips(cube_faces(light.radiance, face_size(light.radiance.shape[0])))
-    write_ktx2_cube(folder / f"{light.name}.ktx2", [to_half_rgba(level, HALF_MAX) for level in levels])
+    halves = [np.minimum(np.pad(one, [(0, 0)] * 3 + [(0, 1)], constant_values=1), HALF_MAX) for one in levels]
+    write_ktx2_cube(folder / f"{light.name}.ktx2", [one.astype(np.float16) for one in halves])
     (folder / f"{light.name}.js").write_text(template("ktx2.js", light), encoding="utf-8")
     return {
         "clipped_energy": share_beyond(light.radiance, HALF_MAX, HALF_LEAST),

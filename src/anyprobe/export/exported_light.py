@@ -11,10 +11,11 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from anyprobe.core import Float
 from anyprobe.core.frames import check_pose, is_rotation
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.errors import InputError, InvalidEnvironment
@@ -24,9 +25,6 @@ from anyprobe.light.environment import check_radiance, rotate
 from anyprobe.light.harmonics import directionality, project
 from anyprobe.light.light_sources import LightSource, split_dominant_light, split_sources, turned_said
 from anyprobe.maps.radiance import HALF_MAX, HALF_MIN, map_attributes, read_radiance, write_exr, write_hdr
-
-if TYPE_CHECKING:
-    from jaxtyping import Float
 
 EXPORT_SCALE = (
     "relative: linear Rec. 709 radiance in the photo's exposure units times 2^exposure_ev; "
@@ -305,11 +303,6 @@ def map_from_camera(path: Path) -> Float[np.ndarray, "3 3"]:
     return turn
 
 
-def float_where_long(digits: str) -> int | float:
-    """Parse an integer of JSON; one of many digits becomes a float, perhaps infinite, which its user refuses."""
-    return int(digits) if len(digits) < 19 else float(digits)
-
-
 def sidecar_beside(path: Path) -> dict[str, Any]:
     """Read the .json that an estimate or an export wrote beside a map; empty where there is none, or no JSON object.
 
@@ -322,7 +315,8 @@ def sidecar_beside(path: Path) -> dict[str, Any]:
         return {}
     try:  # in any Unicode encoding, with or without a byte order mark
         data = read_regular(file, str(file), InputError, max_bytes=MAX_SIDECAR_BYTES)
-        entries = json.loads(data, parse_int=float_where_long)
+        # an integer of many digits becomes a float, perhaps infinite, which its user refuses
+        entries = json.loads(data, parse_int=lambda digits: int(digits) if len(digits) < 19 else float(digits))
     except InputError:
         raise
     except (ValueError, RecursionError) as error:

@@ -14,11 +14,12 @@ from __future__ import annotations
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
+from anyprobe.core import Float, UInt8
 from anyprobe.core.sampling import hammersley
 from anyprobe.export.cube_textures import C_FROM_OURS, cube_faces, face_directions, face_size
 from anyprobe.export.exported_light import EXPORT_SCALE, ExportedLight, numbers, read_template, share_beyond, write_maps
@@ -31,9 +32,6 @@ from anyprobe.maps.exr import write_channels
 from anyprobe.pictures.images import png_bytes
 from anyprobe.render.integrate import NUM_EMITTERS, shade_specular
 from anyprobe.render.picture import LIGHT_ROWS
-
-if TYPE_CHECKING:
-    from jaxtyping import Float, UInt8
 
 RGBD_MAX = 255.0
 """Largest value that RGBD holds: colour 1 over alpha 1 / 255."""

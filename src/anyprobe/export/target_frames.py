@@ -18,15 +18,12 @@ v = acos(up) / pi and row 0 is up in all of them.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from anyprobe.core import Float
 from anyprobe.errors import InvalidEnvironment
 from anyprobe.light.harmonics import COSINE_LOBE, K
-
-if TYPE_CHECKING:
-    from jaxtyping import Float
 
 ODD_IN_Z = (2, 5, 7)
 """Indices of z, yz and xz: they change sign with z."""
@@ -35,17 +32,13 @@ ODD_IN_Y = (1, 4, 5)
 """Indices of y, xy and yz."""
 
 
-def irradiance_sh(coefficients: Float[np.ndarray, "9 3"]) -> Float[np.ndarray, "9 3"]:
-    """Compute A_l L_i [9, 3]: E(n) = sum of these times Y_i(n)."""
-    return coefficients * COSINE_LOBE[:, None]
-
-
 def gltf(coefficients: Float[np.ndarray, "9 3"]) -> Float[np.ndarray, "9 3"]:
-    """Compute irradiance_sh() with the signs of EXT_lights_image_based as Babylon.js reads them, [9, 3].
+    """Compute A_l L_i [9, 3], which times Y_i(n) add up to E(n), with the signs of EXT_lights_image_based as Babylon.js
+    reads them.
 
     It expects (-x, y, z) with the signs of Condon and Shortley, which is ours with y negated.
     """
-    turned = irradiance_sh(coefficients)
+    turned = coefficients * COSINE_LOBE[:, None]
     turned[list(ODD_IN_Y)] *= -1
     return turned
 

@@ -7,10 +7,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from anyprobe.core import Float
 from anyprobe.core.spelling import did_you_mean
 from anyprobe.errors import InputError
 from anyprobe.export import cube_textures, scene_files
@@ -31,10 +32,6 @@ from anyprobe.files.atomic import atomic_files
 from anyprobe.maps.radiance import HALF_MAX
 from anyprobe.notices import Notice
 from anyprobe.pictures.gain_map import write_ultra_hdr
-
-if TYPE_CHECKING:
-    from jaxtyping import Float
-
 
 UNREAL_ERROR = "     The direction is estimated: off by up to {:.1f} degrees in two of three cases\n"
 
@@ -60,27 +57,19 @@ def write_webxr(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
     return {}
 
 
-def sun_rotation(towards: Float[np.ndarray, " 3"]) -> tuple[float, float]:
-    """Return Unreal's pitch and yaw [degrees] of a lamp that shines along its +X, from a direction [3] towards it."""
-    x, y, z = -np.asarray(towards, dtype=np.float64)
-    return float(np.degrees(np.arcsin(np.clip(z, -1, 1)))), float(np.degrees(np.arctan2(y, x)))
-
-
 def write_unreal(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
     """Write <name>.hdr, <name>_ambient.hdr and <name>.txt, settings for the editor."""
     write_maps(light, folder, UNREAL, ".hdr")
-    pitch, yaw = sun_rotation(UNREAL.from_ours(light.main.direction))
+    x, y, z = -UNREAL.from_ours(light.main.direction)  # of a lamp that shines along its +X
+    pitch, yaw = float(np.degrees(np.arcsin(np.clip(z, -1, 1)))), float(np.degrees(np.arctan2(y, x)))
     intensity = float(light.main.irradiance.max())
-    r, g, b = (float(channel) for channel in light.main.color)
     doubt = "" if light.error_deg is None else UNREAL_ERROR.format(light.error_deg)
     notes = read_template("unreal.txt").format(
         name=light.name,
         pitch=pitch,
         yaw=yaw,
         intensity=intensity,
-        r=r,
-        g=g,
-        b=b,
+        color=light.main.color,
         angle=2 * light.main.radius_deg,
         error=doubt,
     )

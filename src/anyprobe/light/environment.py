@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 from array_api_compat import array_namespace, device
 
+from anyprobe.core import Float
 from anyprobe.core.contract import contract
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
 from anyprobe.core.resample import overlaps
 from anyprobe.errors import InvalidEnvironment
-
-if TYPE_CHECKING:
-    from jaxtyping import Float
 
 MAP_HEIGHT: int = contract("sizes")["map_height"]
 """Rows of every estimated map; the paper leaves the size open."""

@@ -13,14 +13,11 @@ and Hanrahan 2001). Order 2 may turn negative opposite a strong light: nothing h
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from anyprobe.core import Float
 from anyprobe.core.color import luminance
-
-if TYPE_CHECKING:
-    from jaxtyping import Float
 
 K = np.array(
     [

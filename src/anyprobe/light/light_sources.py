@@ -15,18 +15,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from anyprobe.core import Bool, Float
 from anyprobe.core.color import luminance
 from anyprobe.core.contract import contract
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.light.environment import reduced
 from anyprobe.light.filtering import blur_cap
-
-if TYPE_CHECKING:
-    from jaxtyping import Bool, Float
 
 RULES: dict[str, Any] = contract("sources")
 MOST_SOURCES: int = RULES["most"]
@@ -201,10 +199,7 @@ def dilate(mask: Bool[np.ndarray, "H 2*H"]) -> Bool[np.ndarray, "H 2*H"]:
 
     The columns wrap around, and a pole row that is touched is taken whole: all of its pixels meet at the pole.
     """
-    grown = mask.copy()
-    grown[:, 1:] |= mask[:, :-1]
-    grown[:, :-1] |= mask[:, 1:]
-    grown[:, [0, -1]] |= mask[:, [-1, 0]]
+    grown = mask | np.roll(mask, 1, axis=1) | np.roll(mask, -1, axis=1)
     grown[1:] |= mask[:-1]
     grown[:-1] |= mask[1:]
     grown[0] |= mask[0].any()

@@ -7,7 +7,7 @@ read local, and all levels lie in one flat array so that the level may vary free
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -113,11 +113,6 @@ class Pyramid:
     emitters: Any = None
     emitter_power: Any = None
     emitter_spread: Any = None
-
-    def to(self, device) -> Pyramid:
-        """Return a copy on another device, for torch."""
-        arrays = {name: getattr(self, name) for name in ("texels", "emitters", "emitter_power", "emitter_spread")}
-        return replace(self, **{name: a.to(device) for name, a in arrays.items() if hasattr(a, "to")})
 
 
 @lru_cache(maxsize=8)

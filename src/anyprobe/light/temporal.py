@@ -23,19 +23,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from anyprobe.core import Float
 from anyprobe.core.color import luminance
 from anyprobe.core.frames import check_pose
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.light.environment import check_radiance, rotate
 from anyprobe.light.light_sources import BLUR_RADIUS, LightSource, draw_sources, edge_cosine, split_sources
 from anyprobe.light.steady import FILTER, Steady, advance, begin_filter
-
-if TYPE_CHECKING:
-    from jaxtyping import Float
 
 OFFSET: float = FILTER["offset"]
 """Radiance added before the logarithm: values far below hardly light anything, and black stays finite."""
@@ -117,7 +114,8 @@ class FilterState:
 
     def seen_from(self, world_from_camera: np.ndarray | None) -> Float[np.ndarray, "H 2*H 3"]:
         """Return the light in a camera's frame, see step; None: in the frame that the filter works in."""
-        soft, sources = _decode(self.soft.steady), self.sources
+        y, sources = self.soft.steady, self.sources
+        soft = np.maximum(np.exp(np.minimum(y, WHITE)) - OFFSET, 0.0) + SLOPE * _above_white(y)
         if world_from_camera is not None:
             pose = check_pose(world_from_camera, "world_from_camera")
             soft = np.maximum(rotate(soft, pose.T), 0.0)
@@ -150,14 +148,14 @@ def step(
     if in_world:
         soft = np.maximum(rotate(soft, pose), 0.0)
         sources = tuple(replace(one, direction=pose @ one.direction) for one in sources)
-    y = filtered_log(soft)
+    y = np.log(np.minimum(soft, 1.0) + np.float32(OFFSET)) + np.maximum(soft - 1.0, 0.0) / SLOPE
     if state is not None and not (np.isfinite(dt_s) and dt_s > 0):
         raise ValueError(f"expected dt_s > 0, got {dt_s}")
     if state is None or state.in_world != in_world or state.soft.fast.shape != y.shape:
         return _begun(y, sources, pose, in_world)
     same_s = state.same_s + dt_s if looks_same else 0.0
     is_same = same_s > SAME_S
-    turned = _angle_between(state.pose, pose) if in_world else 0.0
+    turned = float(np.arccos(np.clip((np.sum(state.pose * pose) - 1.0) / 2.0, -1.0, 1.0)))  # 0 without poses
     tracks = state.tracks if is_same else tuple(_predicted(one, dt_s, turned, in_world) for one in state.tracks)
     pairs = _pairs(tracks, sources)
     is_cut = _apart(y, state.soft.fast) > CUT
@@ -308,20 +306,6 @@ def _size(source: LightSource) -> np.ndarray:
 
 def _angle(one: np.ndarray, other: np.ndarray) -> float:
     return float(2.0 * np.arcsin(min(float(np.linalg.norm(one - other)) / 2.0, 1.0)))
-
-
-def _angle_between(one: np.ndarray, other: np.ndarray) -> float:
-    """Return the angle [radians] between two poses [3, 3]."""
-    return float(np.arccos(np.clip((np.sum(one * other) - 1.0) / 2.0, -1.0, 1.0)))
-
-
-def filtered_log(radiance: np.ndarray) -> np.ndarray:
-    """Compute y of L."""
-    return np.log(np.minimum(radiance, 1.0) + np.float32(OFFSET)) + np.maximum(radiance - 1.0, 0.0) / SLOPE
-
-
-def _decode(y: np.ndarray) -> np.ndarray:
-    return np.maximum(np.exp(np.minimum(y, WHITE)) - OFFSET, 0.0) + SLOPE * _above_white(y)
 
 
 def _above_white(y: np.ndarray) -> np.ndarray:

@@ -25,14 +25,6 @@ def map_from_camera_at(yaw: float, pitch_deg: float) -> np.ndarray:
     return rotation_y(yaw) @ rotation_x(-np.radians(pitch_deg))
 
 
-def pitches_near(pitch_deg: float, error_deg: float) -> tuple[float, ...]:
-    """Return the pitches [degrees] at which a search begins, evenly spaced; error_deg: standard deviation, 0: exact.
-
-    A search that is refined by three quarters of their distance reaches 1.75 standard deviations.
-    """
-    return (pitch_deg - error_deg, pitch_deg, pitch_deg + error_deg) if error_deg else (pitch_deg,)
-
-
 def nearest_pixels(d: np.ndarray, rows: int) -> tuple[np.ndarray, np.ndarray]:
     """Return row and column, in a map of this many rows, of each direction [P, 3]."""
     uv = direction_to_uv(d)

@@ -46,17 +46,6 @@ class Library:
     levels: np.ndarray
     faults: tuple[str, ...] = ()
 
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """One line for each fault."""
-        return tuple(f"left out: {fault}" for fault in self.faults)
-
-    def check_unchanged(self, index: int) -> None:
-        """Raise InputError if the file of a map has changed since it was read."""
-        if _stamp(self.files[index], self.folder) != self.stamps[index]:
-            text = "expected the map that was compared, got another; run match again"
-            raise InputError(text, source=self.files[index])
-
 
 def open_library(folder: str | Path) -> Library:
     """Open the library of a folder of .exr and .hdr maps, subfolders included.
@@ -77,7 +66,7 @@ def open_library(folder: str | Path) -> Library:
     found: dict[Path, tuple[str, np.ndarray, float]] = {}
     faults = []
     for path in files:
-        stamp = _stamp(path, folder)
+        stamp = stamp_of(path, folder)
         try:
             found[path] = (stamp, *(known[stamp] if stamp in known else _read(path, folder)))
         except AnyprobeError as error:
@@ -114,7 +103,7 @@ def _maps_in(folder: Path) -> list[Path]:
     return sorted(found, key=lambda path: natural_order(path.relative_to(folder).as_posix()))
 
 
-def _stamp(path: Path, folder: Path) -> str:
+def stamp_of(path: Path, folder: Path) -> str:
     """Return what changes with a file; of a link to nowhere, its name."""
     name = path.relative_to(folder).as_posix()
     with suppress(OSError):

@@ -11,12 +11,12 @@ import numpy as np
 from anyprobe.core.color import luminance
 from anyprobe.core.frames import rotation_z
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, uv_to_direction
-from anyprobe.errors import OutputError
+from anyprobe.errors import InputError, OutputError
 from anyprobe.light.environment import reduced, rotate
 from anyprobe.light.filtering import irradiance_map
 from anyprobe.maps.radiance import read_radiance, write_exr
 from anyprobe.match.background import seen_along
-from anyprobe.match.library import Library, open_library
+from anyprobe.match.library import Library, open_library, stamp_of
 from anyprobe.match.likeness import Shown, best_places, gain_of, shown_under
 from anyprobe.render.spheres import sphere_normals
 
@@ -159,7 +159,8 @@ class MatchedMap:
         Raises:
             InputError: the file has changed since it was compared.
         """
-        self.library.check_unchanged(self.index)
+        if stamp_of(self.path, self.library.folder) != self.library.stamps[self.index]:
+            raise InputError("expected the map that was compared, got another; run match again", source=self.path)
         source = read_radiance(self.path)
         if rows is not None:
             source = reduced(source, rows)

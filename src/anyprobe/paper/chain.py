@@ -28,16 +28,6 @@ class Chained:
     radiance: Any
 
 
-def scaled_ln(ln_radiance):
-    """Bring LN_SCALE to 0 to 1."""
-    return (ln_radiance - LN_SCALE[0]) / (LN_SCALE[1] - LN_SCALE[0])
-
-
-def ln_of_scaled(scaled):
-    """Undo scaled_ln."""
-    return scaled * (LN_SCALE[1] - LN_SCALE[0]) + LN_SCALE[0]
-
-
 def estimate_light(
     photo, irradiance_net: Callable, illumination_net: Callable, hdr_net: Callable, curve: CameraCurve = MEAN_CURVE
 ) -> Chained:

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from anyprobe.core import Float
 from anyprobe.errors import InvalidMesh
-
-if TYPE_CHECKING:
-    from jaxtyping import Float
 
 CREASE_DEG = 40.0
 """Angle [degrees] above which faces that meet do not share their normals."""

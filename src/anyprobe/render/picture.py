@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from anyprobe.core import Float
 from anyprobe.core.sampling import hammersley
 from anyprobe.light.environment import reduced
 from anyprobe.render.integrate import PATCHES, shade_diffuse, shade_specular, shading_pyramid
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.surface import Camera, see
 from anyprobe.scatter.materials import Material
-
-if TYPE_CHECKING:
-    from jaxtyping import Float
-
 
 NUM_SAMPLES = 64
 """Samples of a point; wide lobes, whose emitters are patches (integrate.PATCHES), need only half of them."""

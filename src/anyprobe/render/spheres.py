@@ -8,19 +8,16 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from anyprobe.core import Float
 from anyprobe.core.frames import reflect
 from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.core.sampling import hammersley
 from anyprobe.light.environment import reduced
 from anyprobe.light.filtering import irradiance_map
 from anyprobe.render.integrate import shade_specular, shading_pyramid
-
-if TYPE_CHECKING:
-    from jaxtyping import Float
 
 SPHERE_SIZE = 64
 SILVER_ALPHA = 0.3

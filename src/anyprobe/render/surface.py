@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from anyprobe.core import Float
 from anyprobe.core.frames import turn_towards
 from anyprobe.render.mesh import Mesh
-
-if TYPE_CHECKING:
-    from jaxtyping import Float
 
 CRACKS = 0.01
 """Share of an object's pixels that may show the back of a face without its normal being flipped.
@@ -41,8 +38,8 @@ class Camera:
 class Surface:
     """Visible points of an object, in the camera's frame.
 
-    mask: [S, S] bool; normals, wo: [P, 3] for the P pixels in the mask, row by row; depth, exit: [P], along the
-    camera's axis, of the visible point and of the next face behind it that shows its back, or of the first again.
+    mask: [S, S] bool; normals, wo: [P, 3] for the P pixels in the mask, row by row; depth: [P], along the camera's
+    axis.
     """
 
     mask: np.ndarray
@@ -50,7 +47,6 @@ class Surface:
     wo: np.ndarray
     tan_half: float
     depth: np.ndarray
-    exit: np.ndarray
 
 
 def pixel_rays(tan_half: float, size: int, center: tuple[float, float] = (0.0, 0.0)) -> Float[np.ndarray, "S S 3"]:
@@ -107,15 +103,12 @@ def see(mesh: Mesh, camera: Camera) -> Surface:
     nearest = np.full(size * size, -1, dtype=np.int64)
     nearest[pixel[order]] = order
     seen = np.nonzero(nearest >= 0)[0]
-    from_behind = _seen_from_behind(screen[mesh.faces])
-    backs = order[from_behind[triangle[order]]]
-    exit_key = np.zeros(size * size, depth_key.dtype)
-    exit_key[seen] = depth_key[nearest[seen]]
-    exit_key[pixel[backs]] = depth_key[backs]
     hit = nearest[seen]
     barycentric = weights[hit] / depth_key[hit][:, None]
     normals = (mesh.normals[triangle[hit]] * barycentric[:, :, None]).sum(axis=1) @ camera.world_from_camera
-    behind = from_behind[triangle[hit]]
+    corners = screen[mesh.faces[triangle[hit]]]
+    (ax, ay), (bx, by) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
+    behind = ax * by - ay * bx > 0  # clockwise in the picture, whose y is down
     if behind.sum() > CRACKS * len(hit):
         normals[behind] *= -1.0
     wo = pixel_rays(camera.tan_half, size, camera.center).reshape(-1, 3)[seen]
@@ -131,14 +124,7 @@ def see(mesh: Mesh, camera: Camera) -> Surface:
         wo=wo,
         tan_half=camera.tan_half,
         depth=(1.0 / depth_key[hit]).astype(np.float32),
-        exit=(1.0 / exit_key[seen]).astype(np.float32),
     )
-
-
-def _seen_from_behind(corners: np.ndarray) -> np.ndarray:
-    """Return whether triangles on the screen [K, 3, 2], x right, y down, run clockwise in the picture, [K]."""
-    (ax, ay), (bx, by) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
-    return ax * by - ay * bx > 0
 
 
 def cover(corners: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -10,16 +10,13 @@ occupied cell nearest to the light counts.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from anyprobe.core import Float, Int
 from anyprobe.core.frames import orthonormal_basis
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.surface import cover
-
-if TYPE_CHECKING:
-    from jaxtyping import Float, Int
 
 SIDE = 64
 """Cells along each side of the box."""

@@ -89,11 +89,6 @@ def material_named(name: str, *also: str) -> Material:
     raise InputError(f"{named}, got {str(name)[:60]!r}{advice}", subject="material")
 
 
-def alpha_from_roughness(roughness: float) -> float:
-    """Convert a roughness of glTF, USD and engines to GGX alpha: its square (Burley 2012)."""
-    return float(roughness) ** 2
-
-
 Albedo = float | Sequence[float]
 """Linear albedo: one number for grey, or red, green and blue."""
 
@@ -153,7 +148,7 @@ def as_material(
         if not LEAST_ROUGHNESS <= roughness <= 1:
             text = f"expected a number from {LEAST_ROUGHNESS:g} to 1, got {roughness:g}; 0.1 is polished, 1 is matte"
             raise InputError(text, subject="roughness")
-        found = replace(found, alpha=alpha_from_roughness(roughness))
+        found = replace(found, alpha=float(roughness) ** 2)  # Burley 2012
     if albedo is None:
         return found
     try:

@@ -201,7 +201,12 @@ def read_frames(clip: Clip, damaged: list[int]) -> Generator[Frame, None, None]:
                 time_s = index / clip.fps if shown_s is None else float(shown_s)
                 first_s = time_s if first_s is None else first_s
                 last_s = max(time_s - first_s, last_s + LEAST_STEP_S) if index else 0.0
-                note = "" if size is None or own == size or own in sizes else _resized(clip.path, index, own, size)
+                note = ""
+                if size is not None and own != size and own not in sizes:
+                    note = (
+                        f"{clip.path.name}: from frame {index} on {own[0]} x {own[1]} pixels, fitted into the first "
+                        f"frame's {size[0]} x {size[1]}; cut the clip there for lights of its own lens"
+                    )
                 sizes.add(own)
                 yield Frame(index=index, time_s=last_s, note=note, **planes)
                 index += 1
@@ -256,13 +261,6 @@ def _graph(stream: Any, pixels: str, width: int, height: int) -> Any:
     whole = graph.add("bwdif", "mode=send_frame:deint=interlaced")
     graph.link_nodes(source, whole, graph.add("buffersink")).configure()
     return graph
-
-
-def _resized(path: Path, index: int, own: tuple[int, int], size: tuple[int, int]) -> str:
-    return (
-        f"{path.name}: from frame {index} on {own[0]} x {own[1]} pixels, fitted into the first frame's {size[0]} x "
-        f"{size[1]}; cut the clip there for lights of its own lens"
-    )
 
 
 def frame_rate(stated: float, times_s: Sequence[float]) -> float:

@@ -19,7 +19,7 @@ from anyprobe.inputs.hints import AUTO, NONE, PHOTO
 from anyprobe.masks.check import object_box
 from anyprobe.masks.networks import Network, load_network, shared_network
 from anyprobe.masks.search import MARGIN, Looks, Prompts, choose
-from anyprobe.notices import give
+from anyprobe.notices import Remedy, give
 from anyprobe.pictures.images import read_image
 from anyprobe.video.clip import Frame
 from anyprobe.video.held_mask import MOST_CHANGE, Held, follow, found_in, hold, lit_mask, mask_in
@@ -125,12 +125,14 @@ class MaskFollower:
         if not self.finds or (frame.alpha is not None and not self.hints):
             return self._load(frame, name, own)
         size = frame.rgb.shape[0], frame.rgb.shape[1]
+
+        def lost(text: str, remedy: tuple[Remedy, ...] = ()) -> InvalidMask:
+            return InvalidMask(text, code="no-object", source=name, remedy=remedy)
+
         if self._size is not None and self._size != size:
-            raise InvalidMask(
+            raise lost(
                 f"expected a frame of {self._size[1]} x {self._size[0]} pixels as before, got {size[1]} x {size[0]}, "
-                "in which the object is lost; resize it, or begin another MaskFollower",
-                code="no-object",
-                source=name,
+                "in which the object is lost; resize it, or begin another MaskFollower"
             )
         known = self.held, self._before, self._lost_for
         try:
@@ -139,22 +141,17 @@ class MaskFollower:
             if self.last is None or error.code != "no-object":
                 raise
             x, y, count = self.last[:3]
-            raise InvalidMask(
+            text = (
                 f"expected the object of about {count:.0f} pixels near {x:.0f},{y:.0f}, found none there: it is lost "
-                "in this frame, and looked for in the next",
-                code="no-object",
-                source=name,
-                remedy=give("mask"),
-            ) from error
+            )
+            raise lost(f"{text}in this frame, and looked for in the next", give("mask")) from error
         last = _last_of(whole)
         if self.last is not None and not 1 / MOST_CHANGE < last[2] / self.last[2] < MOST_CHANGE:
             self.held, self._before, self._lost_for = known
             first = "" if self.hints else "look at the first frame's mask, pass box= around the object there, or "
-            raise InvalidMask(
+            raise lost(
                 f"expected the object of about {self.last[2]:.0f} pixels at {self.last[0]:.0f},"
-                f"{self.last[1]:.0f}, got {last[2]:.0f} pixels; {first}pass mask=, one file a frame",
-                code="no-object",
-                source=name,
+                f"{self.last[1]:.0f}, got {last[2]:.0f} pixels; {first}pass mask=, one file a frame"
             )
         self.last, self._size = last, size
         return photo
@@ -166,7 +163,11 @@ class MaskFollower:
             photo = self._load(frame, name, own, mask=lit_mask(held, frame.rgb.shape))
             photo = replace(photo, mask_source="network")
             return photo, mask_in(held, frame.rgb.shape)
-        where = self.hints if self.last is None else _prompts_from(self.last, frame.rgb.shape)
+        where = self.hints
+        if self.last is not None:
+            x, y, _, x0, y0, x1, y1 = self.last
+            is_whole = (x1 - x0) * (y1 - y0) >= frame.rgb.shape[0] * frame.rgb.shape[1]
+            where = {"click": [x, y]} if is_whole else {"click": [x, y], "box": (x0, y0, x1, y1)}
         photo = self._load(frame, name, own, **{**where, "segmenter": self.segmenter})
         whole = photo.mask
         self.held = hold(frame.rgb, whole)
@@ -208,8 +209,11 @@ class MaskFollower:
 
 
 def _last_of(mask: np.ndarray) -> list[float]:
-    """MaskFollower.last of a mask [H, W]."""
-    return [*inner_point(mask), float(mask.sum()), *_grown_box(mask)]
+    """Return MaskFollower.last of a mask [H, W]."""
+    (height, width), (x0, y0, x1, y1) = mask.shape, object_box(mask)
+    right, down = GROWTH * (x1 - x0), GROWTH * (y1 - y0)
+    box = max(x0 - right, 0), max(y0 - down, 0), min(x1 + right, width), min(y1 + down, height)
+    return [*inner_point(mask), float(mask.sum()), *map(float, box)]
 
 
 def _looked_for(rgb: np.ndarray, last: list[float], segmenter: Network | None) -> np.ndarray | None:
@@ -227,25 +231,12 @@ def _looked_for(rgb: np.ndarray, last: list[float], segmenter: Network | None) -
     return None if found is None else found.mask(width, height)
 
 
-def _prompts_from(last: list[float], shape: tuple[int, ...]) -> dict:
-    x0, y0, x1, y1 = last[3:]
-    whole = (x1 - x0) * (y1 - y0) >= shape[0] * shape[1]
-    return {"click": last[:2]} if whole else {"click": last[:2], "box": (x0, y0, x1, y1)}
-
-
 def _bytes_of(path: Path) -> bytes:
     """Return a file's bytes; none if it cannot be read: the frame that needs it reports that."""
     try:
         return path.read_bytes()
     except OSError:
         return b""
-
-
-def _grown_box(mask: np.ndarray) -> list[float]:
-    height, width = mask.shape
-    x0, y0, x1, y1 = object_box(mask)
-    right, down = GROWTH * (x1 - x0), GROWTH * (y1 - y0)
-    return [float(v) for v in (max(x0 - right, 0), max(y0 - down, 0), min(x1 + right, width), min(y1 + down, height))]
 
 
 def inner_point(mask: np.ndarray) -> tuple[float, float]:

@@ -37,13 +37,6 @@ EXACT = 0x2 | 0x2000 | 0x40000
 """Flags of FFmpeg's scaler: bilinear, colours of every pixel, rounded. Without the last two grey is 1 % too dark."""
 
 
-def square_size(width: int, height: int, aspect: Fraction | None) -> tuple[int, int]:
-    """Return width and height of a picture, whose pixels are aspect times as wide as high, in square pixels."""
-    if not aspect or not 1 / MOST_ASPECT <= aspect <= MOST_ASPECT:
-        return width, height
-    return max(1, round(width * aspect)), height
-
-
 def shown_pixels(
     picture, aspect: Fraction | None, size: tuple[int, int] | None, path: Path
 ) -> tuple[dict[str, Any], tuple[int, int]]:
@@ -58,7 +51,9 @@ def shown_pixels(
     Raises:
         InputError: it has too many pixels, or colours that cannot be converted.
     """
-    width, height = square_size(picture.width, picture.height, aspect)
+    width, height = picture.width, picture.height
+    if aspect and 1 / MOST_ASPECT <= aspect <= MOST_ASPECT:
+        width = max(1, round(width * aspect))
     if max(picture.width, width) * max(picture.height, height) > MAX_PIXELS:
         raise InputError(
             f"expected at most {MAX_PIXELS // 1_000_000} million pixels, "
@@ -108,7 +103,9 @@ def _converted(picture, stored: tuple[int, int], path: Path) -> tuple[np.ndarray
             return values, None
     else:
         kind = "rgb48le" if matrix is None else "gbrp16le"  # of 4:2:0 the scaler makes other colours in the former
-        values = np.clip(picture.to_ndarray(format=kind, **how) / _white(picture, bits, matrix), 0, 1)
+        # FFmpeg's scaler shifts bits up, and leaves the low ones zero
+        used = 16 if matrix is None else bits if int(picture.color_range) == FULL else BITS
+        values = np.clip(picture.to_ndarray(format=kind, **how) / np.float32(((1 << used) - 1) << (16 - used)), 0, 1)
         if encoding is None:
             return (values * 255 + 0.5).astype(np.uint8), None
     display, radiance = to_display(values, encoding)
@@ -116,14 +113,6 @@ def _converted(picture, stored: tuple[int, int], path: Path) -> tuple[np.ndarray
         # display values are read alike in every clip, so that one scene has one light
         radiance = np.where(radiance > 1, radiance, inverse_response(display)).astype(np.float32)
     return (display * 255 + 0.5).astype(np.uint8), radiance
-
-
-def _white(picture, bits: int, matrix: int | None) -> np.float32:
-    """Return what FFmpeg's scaler makes of white with 16 bits: it shifts bits up, and leaves the low ones zero."""
-    if matrix is None:
-        return np.float32(0xFFFF)
-    used = bits if int(picture.color_range) == FULL else BITS
-    return np.float32(((1 << used) - 1) << (16 - used))
 
 
 def _encoding(picture) -> ColorEncoding | None:

@@ -79,16 +79,13 @@ def found_in(held: Held, rgb: np.ndarray) -> Registered:
 def follow(held: Held, rgb: np.ndarray, found: Registered) -> Held:
     """Return the state after one more frame, in which the object was surely `found`."""
     usual = float(np.median(held.unlike)) if held.unlike else 1.0 - found.alike
-    unlike, looks_same = (*held.unlike, 1.0 - found.alike)[-REMEMBERED:], _is_like(1.0 - found.alike, usual)
+    unlike, own = (*held.unlike, 1.0 - found.alike)[-REMEMBERED:], 1.0 - found.alike
+    looks_same = max(own, usual) <= TIMES * min(own, usual) + MORE
     now = replace(held, motion=found.motion, error_px=found.error_px, unlike=unlike, looks_same=looks_same)
     if found.alike >= FADED:
         return now
     newer = hold(rgb, mask_in(now, rgb.shape))
     return replace(now, offset=newer.offset, cover=newer.cover, key=newer.key, motion=newer.motion)
-
-
-def _is_like(one: float, other: float) -> bool:
-    return max(one, other) <= TIMES * min(one, other) + MORE
 
 
 def mask_in(held: Held, shape: tuple[int, ...], cover: np.ndarray | None = None) -> np.ndarray:
@@ -103,15 +100,10 @@ def mask_in(held: Held, shape: tuple[int, ...], cover: np.ndarray | None = None)
     key, motion = held.key, held.motion
     back = np.linalg.inv(motion.matrix())
     first = back @ (np.array([x0 - motion.x, y0 - motion.y]) - key.center) + key.center - held.offset
-    mask[y0:y1, x0:x1] = _turned(cover, back, first, x1 - x0, y1 - y0)
+    image, affine = Image.fromarray(np.ascontiguousarray(cover, np.float32)), (*back[0], first[0], *back[1], first[1])
+    size = x1 - x0, y1 - y0
+    mask[y0:y1, x0:x1] = np.asarray(image.transform(size, Image.Transform.AFFINE, affine, Image.Resampling.BILINEAR))
     return mask
-
-
-def _turned(cover: np.ndarray, matrix: np.ndarray, first: np.ndarray, width: int, height: int) -> np.ndarray:
-    """Return a cover [height, width] float32, sampled linearly at matrix p + first for each place p, zero outside."""
-    affine = (*matrix[0], first[0], *matrix[1], first[1])
-    image = Image.fromarray(np.ascontiguousarray(cover, np.float32))
-    return np.asarray(image.transform((width, height), Image.Transform.AFFINE, affine, Image.Resampling.BILINEAR))
 
 
 def lit_mask(held: Held, shape: tuple[int, ...]) -> np.ndarray:

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from PIL import Image
 
+from anyprobe.core import Float, UInt8
 from anyprobe.core.color import to_bytes
 from anyprobe.core.resample import resample
 from anyprobe.core.response import response
 from anyprobe.light.environment import reduced
 from anyprobe.render.spheres import diffuse, mirror, spheres_ev
-
-if TYPE_CHECKING:
-    from jaxtyping import Float, UInt8
 
 WIDTH = 640
 """Width of the clip's frame, and of the map beside it [pixels]."""

@@ -173,9 +173,7 @@ class ClipRun:
     def _read(self, frames: Iterator[Frame], looks: bool) -> tuple[Frame, _Look | None] | None:
         """Return the next frame, with its photo if wanted; None after the last."""
         frame = next(frames, None)
-        if frame is None:
-            return None
-        return frame, self._look(frame) if looks else None
+        return None if frame is None else (frame, self._look(frame) if looks else None)
 
     def _look(self, frame: Frame) -> _Look:
         """Find the object in a frame; keep an error of the frame until its turn."""
@@ -195,7 +193,7 @@ class ClipRun:
         if self.poses is not None and frame.index >= len(self.poses):
             raise InputError(f"expected one a frame, got {len(self.poses)}; make the others", subject="poses")
         if frame.index % self.every and done.light is not None:
-            return {**record, **(self._turned(frame.index) or self._same())}
+            return {**record, **self._kept(frame.index)}
         photo, before, looks_same = look or self._look(frame)
         try:
             if isinstance(photo, AnyprobeError):
@@ -210,8 +208,7 @@ class ClipRun:
             self._photo = None
             if done.light is None:
                 self.follower.go_on(self.follower.last)
-            kept = self._turned(frame.index) or self._same()
-            return {**record, "error": " ".join(str(error).splitlines()), **kept}
+            return {**record, "error": " ".join(str(error).splitlines()), **self._kept(frame.index)}
         dt_s = max(frame.time_s - done.light_time_s, 1e-3)
         pose = None if self.poses is None else self.poses[frame.index]
         done.light = step(done.light, light.radiance, dt_s, world_from_camera=pose, looks_same=looks_same)
@@ -254,12 +251,11 @@ class ClipRun:
         assert self.progress.light is not None  # only called once there is a light
         return self.progress.light.seen_from(None if self.poses is None else self.poses[index])
 
-    def _turned(self, index: int) -> dict:
-        """Describe the last light as seen by a frame without one of its own, by its pose if known."""
-        return {} if self.poses is None or self.progress.light is None else describe(self._seen(index))
-
-    def _same(self) -> dict:
-        """Return which frame's light is reused; nothing before the first."""
+    def _kept(self, index: int) -> dict:
+        """Describe the last light as seen by a frame without one of its own, if its pose is known; else return which
+        frame's light is reused, nothing before the first."""
+        if self.poses is not None and self.progress.light is not None:
+            return describe(self._seen(index))
         lit = next((one["index"] for one in reversed(self.progress.frames) if "held" in one), None)
         return {} if lit is None else {"same_as": lit}
 

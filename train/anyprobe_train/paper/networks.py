@@ -11,11 +11,21 @@ from itertools import pairwise
 import torch
 from torch import nn
 
-from anyprobe.paper.chain import ln_of_scaled
+from anyprobe.paper.chain import LN_SCALE
 
 LEAK = 0.2
 DEEPEST = 8
 """Largest number of channels, in widths."""
+
+
+def scaled_ln(ln_radiance):
+    """Bring LN_SCALE to 0 to 1."""
+    return (ln_radiance - LN_SCALE[0]) / (LN_SCALE[1] - LN_SCALE[0])
+
+
+def ln_of_scaled(scaled):
+    """Undo scaled_ln."""
+    return scaled * (LN_SCALE[1] - LN_SCALE[0]) + LN_SCALE[0]
 
 
 def down(before: int, after: int, *, normalised: bool = True) -> nn.Sequential:
@@ -98,7 +108,7 @@ class IlluminationNet(nn.Module):
 
 
 class HdrNet(nn.Module):
-    """Fig. 9: LDR map [N, 3, R, 2 R] to its ln radiance, scaled by anyprobe.paper.chain.scaled_ln."""
+    """Fig. 9: LDR map [N, 3, R, 2 R] to its ln radiance, scaled by scaled_ln."""
 
     def __init__(self, rows: int, width: int) -> None:
         super().__init__()

@@ -8,9 +8,8 @@ from typing import Protocol
 import torch
 from torch import nn
 
-from anyprobe.paper.chain import scaled_ln
 from anyprobe.paper.equations import EPOCHS
-from anyprobe_train.paper.networks import HdrNet, IlluminationNet, IrradianceNet
+from anyprobe_train.paper.networks import HdrNet, IlluminationNet, IrradianceNet, scaled_ln
 from anyprobe_train.paper.pairs import PaperPairs
 from anyprobe_train.paper.rivals import MirrorNet, MirrorSphereNet, spheres_of, unwrapped_mirror, unwrapped_sphere
 from anyprobe_train.paper.settings import Setting

@@ -12,10 +12,10 @@ import torch
 from anyprobe.core.response import response
 from anyprobe.files.atomic import atomic_path
 from anyprobe.light.filtering import blur_cap
-from anyprobe.paper.chain import estimate_light, ln_of_scaled, scaled_ln
+from anyprobe.paper.chain import estimate_light
 from anyprobe_train.evaluate.metrics import psnr, rmse, ssim
 from anyprobe_train.evaluate.standard_errors import clustered_error
-from anyprobe_train.paper.networks import in_chain
+from anyprobe_train.paper.networks import in_chain, ln_of_scaled, scaled_ln
 from anyprobe_train.paper.pairs import PaperPairs, balanced
 from anyprobe_train.paper.scores import blocks
 from anyprobe_train.paper.settings import Setting
