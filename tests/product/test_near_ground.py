@@ -9,8 +9,8 @@ from anyprobe.core.color import luminance
 from anyprobe.core.frames import rotation_x
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.estimate.photo import load_photo
-from anyprobe.relight.ground_map import GroundPicture, with_ground
 from anyprobe.relight.insert import Arrangement, Stage
+from anyprobe.relight.near_ground import GroundPicture, with_ground
 from anyprobe.render.mesh import make_mesh
 from anyprobe.render.picture import draw_mesh
 from anyprobe.render.shapes import sphere

@@ -11,12 +11,12 @@ from support.scenes import sphere_photo
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import inverse_response
 from anyprobe.estimate.photo import load_photo
-from anyprobe.relight.ground_map import GroundPicture
 from anyprobe.relight.insert import Arrangement, Stage
-from anyprobe.relight.near_ground import Points, Surroundings
-from anyprobe.relight.real_body import likely_bodies, real_body
+from anyprobe.relight.near_ground import GroundPicture, Points, Surroundings
+from anyprobe.relight.placement import likely_bodies, real_body
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.shapes import sphere
+from anyprobe.scatter.materials import material_named
 
 pytestmark = pytest.mark.usefixtures("rough_shadows")
 
@@ -120,6 +120,7 @@ def test_the_edge_of_the_real_objects_shade_is_soft(stage, body):
         stage.placement,
         stage.shadow(np.ones((16, 32, 3), np.float32), 8, 32),
         body,
+        material_named("matte"),
     )
     toward = body.positions.mean(axis=0) - stage.placement.foot
     toward /= np.linalg.norm(toward)

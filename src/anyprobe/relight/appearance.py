@@ -34,14 +34,15 @@ MOST_PIXELS = 1 << 22
 
 _SPHERE = 24
 """Side [px] of the shaded sphere."""
-NUM_QUANTILES = 32
+LEVELS = (np.arange(32) + 0.5) / 32
+"""Quantiles that are compared."""
 
 
 def material_from_photo(photo: Photo, radiance: np.ndarray) -> Material:
     """Return the candidate that fits the object's pixels best under a map [H, 2H, 3] in the camera's frame."""
     seen = _seen_of_object(photo)
     mean = inverse_response(seen).mean(axis=0)
-    quantiles = np.quantile(luminance(seen), _levels())
+    quantiles = np.quantile(luminance(seen), LEVELS)
     # a larger map would be read at points, and a sun between them lost
     pyramid, u = build_pyramid(reduced(radiance), side=64, emitters=NUM_EMITTERS), hammersley(64)
     n, _ = sphere_normals(_SPHERE)
@@ -51,7 +52,7 @@ def material_from_photo(photo: Photo, radiance: np.ndarray) -> Material:
         sphere = shade(pyramid, n, wo, alpha, u)
         for material in _candidates(sphere, mean, alpha):
             shown = luminance(response(sphere.radiance(material)))
-            error = float(np.square(np.quantile(shown, _levels()) - quantiles).mean())
+            error = float(np.square(np.quantile(shown, LEVELS) - quantiles).mean())
             if error < least:
                 best, least = material, error
     return best
@@ -91,7 +92,3 @@ def _candidates(sphere, mean: np.ndarray, alpha: float):
     f0 = (mean - grazing) / np.maximum(specular - grazing, 1e-6)
     if f0.max() > LEAST_METAL_F0:
         yield Material(albedo=np.zeros(3), f0=np.clip(f0, 0.05, 1.0), alpha=alpha)
-
-
-def _levels() -> np.ndarray:
-    return (np.arange(NUM_QUANTILES) + 0.5) / NUM_QUANTILES

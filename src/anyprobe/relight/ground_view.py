@@ -59,9 +59,9 @@ class View(PinholeCamera):
         right, bottom = np.ceil(np.clip(pixels.max(axis=0), 0, sides)).astype(int)
         return slice(top, bottom), slice(left, right)
 
-    def strips(self, part: Part | None = None) -> list[Part]:
-        """Return the pixels of a part, None for the whole photo, from the top down, a few rows at a time."""
-        lines, columns = part or (slice(0, self.height), slice(0, self.width))
+    def strips(self, part: Part) -> list[Part]:
+        """Return the pixels of a part of the photo, from the top down, a few rows at a time."""
+        lines, columns = part
         step = max(1, VIEW_STRIP_PIXELS // max(columns.stop - columns.start, 1))
         tops = range(lines.start, lines.stop, step)
         return [(slice(top, min(top + step, lines.stop)), columns) for top in tops]

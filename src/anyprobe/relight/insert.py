@@ -20,11 +20,9 @@ from anyprobe.estimate.photo import Photo
 from anyprobe.notices import Notice, give
 from anyprobe.relight.appearance import material_from_photo
 from anyprobe.relight.camera_look import DRAWN_BLUR, CameraLook, blurred, grain_over, look_of
-from anyprobe.relight.ground_map import GroundPicture, hides_shadows, seen_ground
 from anyprobe.relight.ground_view import View, view_of
-from anyprobe.relight.near_ground import Surroundings, draw_on_ground
-from anyprobe.relight.placement import Placement, Side, check_foot, place_beside
-from anyprobe.relight.real_body import real_body
+from anyprobe.relight.near_ground import GroundPicture, Surroundings, draw_on_ground, hides_shadows, seen_ground
+from anyprobe.relight.placement import Placement, Side, check_foot, place_beside, real_body
 from anyprobe.relight.shadow import NUM_DIRECTIONS, SHADOW_CELLS, GroundShadow
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.surface import Camera
@@ -216,7 +214,6 @@ class Stage:
         arrangement = arrangement or Arrangement()
         check_foot(arrangement.at, *photo.mask.shape)
         self.photo = photo
-        self.view: View
         self.view, pitch_deg = view_of(photo, arrangement.pitch_deg, arrangement.ground)
         self.placement: Placement = place_beside(
             mesh, photo, self.view, pitch_deg, arrangement.size, arrangement.at, arrangement.turn_deg
@@ -325,7 +322,8 @@ class Stage:
         finer = {} if camera.size == self.window.camera.size else {"supersample": ENLARGED_SUPERSAMPLE}
         cast = self.shadow(radiance, MIRRORED_DIRECTIONS, MIRRORED_GRID) if shadow is None else shadow
         ground = GroundPicture(self.photo, self.view, radiance)
-        drawn = draw_on_ground(Surroundings(ground, self.placement, cast, self._real()), camera, material, **finer)
+        around = Surroundings(ground, self.placement, cast, self._real(), material)
+        drawn = draw_on_ground(around, camera, **finer)
         if np.any(material.albedo) and (drawn[..., 3] > 0).any():
             white = max(1.0, float(np.quantile(luminance(drawn[drawn[..., 3] > 0][:, :3]), 1.0 - MOST_WHITE)))
             drawn[..., :3] /= white

@@ -9,28 +9,32 @@ of that map, on a coarser picture, as shares and differences, which need few sam
     near ground 1 / N sum_i [ L_ground(p + t_i d_i) - L_map(d_i) ], d_i cosine-distributed about the normal, below the
                 horizon, t_i d_i the way from p to the ground: the map is the ground's as seen from the object's middle
 
-A point near the foot sees mostly ground in the object's own shadow; without that a matte object seems to float.
+A point near the foot sees mostly ground in the object's own shadow; without that a matte object seems to float. The map
+below the horizon is the ground that the photo shows, or what the map shows in its direction where that is outside the
+photo or hidden by the real object.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+from PIL import Image, ImageFilter
 
+from anyprobe.core import Float
 from anyprobe.core.color import luminance
-from anyprobe.core.frames import normalize, reflect, world_from_local
-from anyprobe.core.latlong import bilinear, direction_to_uv, uv_to_direction
+from anyprobe.core.frames import normalize, orthonormal_basis, reflect, world_from_local
+from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, uv_to_direction
 from anyprobe.core.resample import resample
+from anyprobe.core.response import response
 from anyprobe.core.sampling import hammersley, square_to_cosine_hemisphere
+from anyprobe.estimate.photo import Photo
 from anyprobe.light.environment import MAP_HEIGHT, integral, reduced
 from anyprobe.light.filtering import irradiance_map
 from anyprobe.light.octahedral import Pyramid, lookup_rgb
 from anyprobe.paper.equations import ggx_distribution, schlick_weight
-from anyprobe.relight.ground_map import GroundPicture, with_ground
-from anyprobe.relight.placement import Placement
-from anyprobe.relight.real_body import likely_bodies
+from anyprobe.relight.ground_view import View
+from anyprobe.relight.placement import Placement, likely_bodies
 from anyprobe.relight.shadow import GroundShadow
 from anyprobe.render.integrate import PATCHES, emitters_specular, lobe_lod, lobe_samples, shading_pyramid
 from anyprobe.render.mesh import Mesh
@@ -39,8 +43,86 @@ from anyprobe.render.surface import Camera, see
 from anyprobe.render.voxels import first_faces, open_shares, sharp_shares, voxelize
 from anyprobe.scatter.materials import Material
 
-if TYPE_CHECKING:
-    from jaxtyping import Float
+_ROWS = 128
+"""Smallest number of rows of the map."""
+
+EDGE = 0.08
+"""Width of the photo's rim, as a share of its shorter side, over which its pixels blend into the mean colour."""
+
+
+RIM = 0.004
+"""Width of the rim around the real object that is not taken for ground, as a share of the photo's longer side."""
+DARK_GROUND = 0.25
+"""Median display luminance of a ground on which shadows hardly show: with half of its light it is .08 darker."""
+RING_RADII, RING_POINTS = (0.6, 0.8, 1.0, 1.2, 1.4), 64
+"""Where that is read around the foot, in radii of the object, and at how many points of each circle."""
+
+
+class GroundPicture:
+    """The ground as the photo shows it; elsewhere what a map shows in the same direction from the camera."""
+
+    def __init__(self, photo: Photo, view: View, radiance: np.ndarray) -> None:
+        """Keep photo, camera and map [H, 2H, 3] in the camera's frame."""
+        self.photo, self.view, self.radiance = photo, view, radiance
+        hidden = photo.mask if photo.hidden is None else np.maximum(photo.mask, photo.hidden)
+        reach = 2 * max(1, round(RIM * max(hidden.shape))) + 1
+        grown = Image.fromarray((hidden > 0.02).astype(np.uint8)).filter(ImageFilter.MaxFilter(reach))
+        self.free = np.asarray(grown) == 0
+
+    def at(self, points: np.ndarray, shadow: GroundShadow) -> np.ndarray:
+        """Return linear radiance [P, 3] of points of the ground in the object's shadow, and in the real one's."""
+        photo, view = self.photo, self.view
+        pixels = view.pixels(points)
+        border = np.minimum(pixels, [view.width, view.height] - pixels).min(axis=-1)
+        weight = np.clip(border / (EDGE * min(view.width, view.height)), 0.0, 1.0) * (points[:, 2] < -1e-3)
+        column, row = np.clip(pixels, 0, [view.width - 1, view.height - 1]).astype(int).T
+        weight = (weight * self.free[row, column])[:, None]
+        shown = photo.linear((row, column))
+        toward = points / np.maximum(np.linalg.norm(points, axis=-1, keepdims=True), 1e-9)
+        around = bilinear(self.radiance, direction_to_uv(toward.astype(np.float32)))
+        return weight * shown * shadow.at(points) + (1 - weight) * around * shadow.at(points, with_beside=True)
+
+
+def hides_shadows(photo: Photo, view: View, spot: Placement) -> bool:
+    """Return whether the ground that a photo shows around a foot is mostly too dark for shadows to be seen."""
+    side, across = orthonormal_basis(view.up)
+    angle = np.linspace(0, 2 * np.pi, RING_POINTS, endpoint=False)
+    around = np.cos(angle)[:, None] * side + np.sin(angle)[:, None] * across
+    points = spot.foot + spot.radius * np.concatenate([radius * around for radius in RING_RADII])
+    seen = seen_ground(photo, view, points)
+    shown = luminance(response(seen[np.isfinite(seen).all(axis=-1)]))
+    return len(shown) > 0 and bool(np.median(shown) < DARK_GROUND)
+
+
+def seen_ground(photo: Photo, view: View, points: np.ndarray) -> np.ndarray:
+    """Return linear radiance [P, 3] of points of the ground; NaN where the photo does not show them."""
+    column, row = np.floor(view.pixels(points)).T
+    seen = (column >= 0) & (column < view.width) & (row >= 0) & (row < view.height) & (points[:, 2] < 0)
+    column, row = (np.where(seen, of, 0).astype(int) for of in (column, row))
+    seen &= photo.mask[row, column] < 0.5
+    if photo.hidden is not None:
+        seen &= ~photo.hidden[row, column]
+    return np.where(seen[:, None], photo.linear((row, column)), np.nan)
+
+
+def with_ground(ground: GroundPicture, spot: Placement, shadow: GroundShadow) -> Float[np.ndarray, "K 2*K 3"]:
+    """Return a ground's map, in the camera's frame and of at least _ROWS rows, with the ground and the shadow on it
+    below the horizon."""
+    view, radiance = ground.view, ground.radiance
+    times = max(1, _ROWS // radiance.shape[0])
+    light = radiance.repeat(times, axis=0).repeat(times, axis=1)  # power is neither lost nor moved
+    directions = pixel_directions(len(light))
+    sine = directions @ view.up
+    share = np.clip(0.5 - sine * len(light) / np.pi, 0.0, 1.0)  # of a pixel below the horizon
+    below = share > 0
+    height = float(((spot.mesh.positions - spot.foot) @ view.up).max()) / 2
+    toward = directions[below]
+    landed = spot.foot + height * view.up + toward * (height / np.maximum(-sine[below], 1e-3))[:, None]
+    weight = share[below][:, None]
+    result = light.astype(np.float32, copy=True)
+    result[below] = result[below] * (1 - weight) + ground.at(landed, shadow) * weight
+    return result
+
 
 COARSE, COARSER = 128, 32
 """Sides [px] of the pictures in which light is hidden, and in which the ground is near."""
@@ -77,11 +159,6 @@ class Points:
         n, wo = ((v @ turn).astype(np.float32) for v in (surface.normals, surface.wo))
         return cls(mask=surface.mask, at=at, n=n, wo=wo)
 
-    def interleaved(self, side: int) -> list[np.ndarray]:
-        """Return the points of each of the pixels of all squares of this side."""
-        row, column = np.nonzero(self.mask)
-        return [np.flatnonzero((row % side == y) & (column % side == x)) for y in range(side) for x in range(side)]
-
     def picture(self, values: np.ndarray, size: int, mean_of: int = 1) -> Float[np.ndarray, "S S C"]:
         """Return values [P, C] as a picture [size, size, C], smooth between the points.
 
@@ -104,9 +181,12 @@ class Points:
 class Surroundings:
     """Light that reaches an object where it stands: the map's, the shadowed ground's, and that of what is beside it."""
 
-    def __init__(self, ground: GroundPicture, spot: Placement, shadow: GroundShadow, beside: Mesh | None) -> None:
-        """Keep all of them; beside: the real object, in the photo's frame."""
-        self.ground, self.spot, self.shadow = ground, spot, shadow
+    def __init__(
+        self, ground: GroundPicture, spot: Placement, shadow: GroundShadow, beside: Mesh | None, material: Material
+    ) -> None:
+        """Keep all of them; beside: the real object, in the photo's frame. material: the object's."""
+        self.ground, self.spot, self.shadow, self.material = ground, spot, shadow, material
+        self.open_share = np.ones(3)  # of the light, which no body hides from the object
         self.likely = [] if beside is None else likely_bodies(beside, ground.view.up)
         self.lit = with_ground(ground, spot, shadow)
         self.light = reduced(np.asarray(self.lit, np.float32), LIGHT_ROWS)
@@ -154,7 +234,7 @@ class Surroundings:
         return share
 
     def nearer(
-        self, points: Points, material: Material, open_share: np.ndarray
+        self, points: Points
     ) -> tuple[Float[np.ndarray, "P 3"], Float[np.ndarray, "P 3"], Float[np.ndarray, "P 1"]]:
         """Return the diffuse light over pi that the near ground sends to points more than the map, mostly less than
         nothing, that of both bodies along NEAR_RAYS, and the share of these that meet one."""
@@ -163,7 +243,7 @@ class Surroundings:
         below, seen = self._ground_along(starts, rays)
         difference = np.zeros(rays.shape)
         difference[below] = seen - bilinear(self.lit, direction_to_uv(rays[below]))
-        met, sent = self._bodies_along(starts, rays, shading_pyramid(self.light, material.alpha), material, open_share)
+        met, sent = self._bodies_along(starts, rays, shading_pyramid(self.light, self.material.alpha))
         terms = (of.reshape(*d.shape[:2], -1).mean(axis=1) for of in (difference, sent, met))
         return next(terms), next(terms), next(terms)
 
@@ -190,15 +270,17 @@ class Surroundings:
         return (cosine * passed @ power) / np.maximum(cosine @ power, 1e-9), hidden
 
     def coat(
-        self, points: Points, side: int, material: Material, open_share: np.ndarray
+        self, points: Points, side: int
     ) -> tuple[Float[np.ndarray, "P 3"], Float[np.ndarray, "P 3"], Float[np.ndarray, "P 3"]]:
         """Return what the coat reflects of the map where no body hides it, of all of it, and of both bodies and the
         near ground, more than of the map. Squares of points of this side share the rays."""
-        pyramid = shading_pyramid(self.light, material.alpha)
-        n, wo, alpha = points.n, points.wo, material.alpha
+        n, wo, alpha = points.n, points.wo, self.material.alpha
+        pyramid = shading_pyramid(self.light, alpha)
         u, each = hammersley(LOBE_RAYS), LOBE_RAYS // side**2
         wi, (pdf, weight, grazing) = np.empty((3, len(n), each)), np.empty((3, len(n), each))
-        for k, some in enumerate(points.interleaved(side)):
+        row, column = np.nonzero(points.mask)
+        for k in range(side**2):
+            some = np.flatnonzero((row % side == k // side) & (column % side == k % side))
             lobe = lobe_samples(n[some], wo[some], alpha, u[k :: side**2])
             wi[:, some], pdf[some], weight[some], grazing[some], _ = lobe
         rays, starts = np.moveaxis(wi, 0, -1).reshape(-1, 3), np.repeat(self.off(points), each, axis=0)
@@ -207,7 +289,7 @@ class Surroundings:
         below, seen = self._ground_along(starts, rays)
         more[below] = seen - _looked_up(pyramid, rays[below], np.zeros(below.sum()))
         out, hidden = np.flatnonzero(weight.ravel() > 0), np.zeros(len(rays), bool)
-        hidden[out], sent = self._bodies_along(starts[out], rays[out], pyramid, material, open_share)
+        hidden[out], sent = self._bodies_along(starts[out], rays[out], pyramid)
         more[hidden] = sent[hidden[out]]
 
         def reflected(light: np.ndarray, emitters: np.ndarray | float | None = None) -> np.ndarray:
@@ -216,14 +298,14 @@ class Surroundings:
             if emitters is not None:
                 lit = emitters_specular(pyramid, n, wo, alpha, emitters)[1:]
                 terms = [one + other for one, other in zip(terms, lit, strict=True)]
-            return material.f0 * terms[0] + (1.0 - material.f0) * terms[1]
+            return self.material.f0 * terms[0] + (1.0 - self.material.f0) * terms[1]
 
         passed = self.open_shares(points, pyramid.emitters, pyramid.emitter_power)
         kept = reflected(np.where(hidden[:, None], 0.0, of_map), passed)
         return kept, reflected(of_map, 1.0), reflected(more)
 
     def _bodies_along(
-        self, starts: np.ndarray, rays: np.ndarray, pyramid: Pyramid, material: Material, open_share: np.ndarray
+        self, starts: np.ndarray, rays: np.ndarray, pyramid: Pyramid
     ) -> tuple[np.ndarray, Float[np.ndarray, "N 3"]]:
         """Return which rays [N, 3] meet a body, and what it sends along them."""
         hidden, sent = np.zeros(len(rays), bool), np.zeros(rays.shape)
@@ -233,24 +315,22 @@ class Surroundings:
                 met = faces >= 0
                 if body is self.own:  # a face seen from behind is the one that the ray left, in a cell next to it
                     met &= (self.normals[faces] * rays).sum(axis=1) < 0
-                    sent[met] = self._sent(faces[met], rays[met], pyramid, material, open_share)
+                    sent[met] = self._sent(faces[met], rays[met], pyramid)
                 else:
                     sent[met] = self.real_colors[faces[met]]
                 hidden |= met
         return hidden, sent
 
-    def _sent(
-        self, faces: np.ndarray, rays: np.ndarray, pyramid: Pyramid, material: Material, open_share: np.ndarray
-    ) -> Float[np.ndarray, "N 3"]:
+    def _sent(self, faces: np.ndarray, rays: np.ndarray, pyramid: Pyramid) -> Float[np.ndarray, "N 3"]:
         """Return what faces of the object send against rays [N, 3] that meet them: of emitters what no body hides, of
         the rest open_share [3]."""
-        n, emitters, power = self.normals[faces], pyramid.emitters, pyramid.emitter_power
+        n, emitters, power, material = self.normals[faces], pyramid.emitters, pyramid.emitter_power, self.material
         lod = lobe_lod(np.full(len(n), ggx_distribution(1.0, material.alpha) / 4), 1, pyramid)
         fresnel = material.f0 + (1.0 - material.f0) * schlick_weight(-(n * rays).sum(axis=1))[:, None]
         middle = self.spot.mesh.positions[self.spot.mesh.faces[faces]].mean(axis=1)
         passed = self.open_shares(Points(mask=faces >= 0, at=middle, n=n, wo=-rays), emitters, power)
         cosine = np.maximum(n @ emitters.T, 0.0)
-        irradiance = np.maximum(self.irradiance(n) - cosine @ power, 0.0) * open_share + cosine * passed @ power
+        irradiance = np.maximum(self.irradiance(n) - cosine @ power, 0.0) * self.open_share + cosine * passed @ power
         lit = emitters_specular(pyramid, n, -rays, material.alpha, passed)[1:]
         of_emitters = material.f0 * lit[0] + (1.0 - material.f0) * lit[1]
         base = material.albedo * (1.0 - material.f0) * irradiance / np.pi
@@ -262,26 +342,24 @@ def _looked_up(pyramid: Pyramid, directions: np.ndarray, lod: np.ndarray) -> Flo
     return np.stack(lookup_rgb(pyramid, directions[:, 0], directions[:, 1], directions[:, 2], lod), axis=-1)
 
 
-def draw_on_ground(
-    around: Surroundings, camera: Camera, material: Material, **finer: int
-) -> Float[np.ndarray, "S S 4"]:
+def draw_on_ground(around: Surroundings, camera: Camera, **finer: int) -> Float[np.ndarray, "S S 4"]:
     """Draw a placed object in its surroundings; see picture.draw_mesh.
 
     finer: arguments of draw_mesh.
     """
-    mesh, size = around.spot.mesh, camera.size
+    mesh, size, material = around.spot.mesh, camera.size, around.material
     drawn = draw_mesh(mesh, camera, around.lit, material, **finer)
     points = Points.seen(mesh, camera, min(size, COARSE))
     if not len(points.at):
         return drawn
-    base, open_share = np.zeros_like(drawn[..., :3]), np.ones(3)
+    base = np.zeros_like(drawn[..., :3])
     if np.any(material.albedo):
         reflected = material.albedo * (1.0 - material.f0)
         coat = draw_mesh(mesh, camera, around.lit, replace(material, albedo=np.zeros(3)), **finer)
         near = Points.seen(mesh, camera, min(size, COARSER))
         remaining, hidden = around.remaining(points)
-        open_share = remaining.mean(axis=0)
-        of_ground, of_bodies, met = around.nearer(near, material, open_share)
+        around.open_share = remaining.mean(axis=0)
+        of_ground, of_bodies, met = around.nearer(near)
         base = drawn[..., :3] - coat[..., :3] + near.picture(reflected * of_ground, size)
         base = np.maximum(base, 0.0) * points.picture(remaining, size)
         mean = (base + coat[..., :3])[drawn[..., 3] > 0].mean(axis=0)
@@ -290,8 +368,7 @@ def draw_on_ground(
         drawn = coat
     side = 2 if material.alpha < PATCHES[-1][0] else 1  # a wider lobe hardly resolves pixels
     points = Points.seen(mesh, camera, side * points.mask.shape[0]) if side > 1 else points
-    terms = around.coat(points, side, material, open_share)
-    kept, whole, more = (points.picture(one, size, side) for one in terms)
+    kept, whole, more = (points.picture(one, size, side) for one in around.coat(points, side))
     drawn[..., :3] = base + np.maximum(drawn[..., :3] * kept / np.maximum(whole, 1e-9) + more, 0.0)
     drawn[..., :3] *= drawn[..., 3:] > 0
     return drawn

@@ -3,13 +3,14 @@ it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from anyprobe.core.color import COLORSPACES, from_rec709
+from anyprobe.files.atomic import atomic_path
+from anyprobe.maps.exr import write_channels
 from anyprobe.maps.radiance import HALF_MAX
 from anyprobe.relight.insert import Stage, mean_radiance, transmittance, within
 from anyprobe.relight.shadow import GroundShadow
@@ -35,29 +36,6 @@ class Passes:
     def composed(self) -> np.ndarray:
         """Compute plate * shadow with the object over it, [H, W, 3]."""
         return self.plate * self.shadow * (1 - self.object[..., 3:]) + self.object[..., :3]
-
-    def layers(
-        self, convert: Callable[[np.ndarray], np.ndarray], own: np.ndarray | None = None
-    ) -> dict[str, np.ndarray]:
-        """Return the channels of an .exr by name: R, G, B, A of the composite, plate.*, object.*, shadow.*,
-        occlusion.Y.
-
-        convert: of light [..., 3] from linear Rec. 709 to the file's primaries. The shadow is recomputed from both
-        plates, so that the passes compose in those too. own: [H, W, 3], the photo in the file's primaries with all its
-        colours, if available, which becomes the plate.
-        """
-        plate, dark = convert(self.plate), convert(self.plate * self.shadow)
-        factor = np.where(plate > 1e-6, dark / np.maximum(plate, 1e-6), self.shadow)
-        plate = plate if own is None else own
-        light = convert(self.object[..., :3])
-        premultiplied = np.concatenate([light, self.object[..., 3:]], axis=-1)
-        composed = replace(self, plate=plate, shadow=factor, object=premultiplied).composed()
-        opaque = np.ones(plate.shape[:2], np.float32)
-        found = {"A": opaque, "object.A": self.object[..., 3], "occlusion.Y": self.occlusion}
-        for k, name in enumerate("RGB"):
-            found[name] = composed[..., k]
-            found |= {f"plate.{name}": plate[..., k], f"object.{name}": light[..., k], f"shadow.{name}": factor[..., k]}
-        return found
 
 
 def passes_of(stage: Stage, radiance: np.ndarray, material: str | Material) -> Passes:
@@ -89,14 +67,23 @@ def _multiplier(stage: Stage, shadow: GroundShadow) -> np.ndarray:
 
 
 def write_passes(path: Path, passes: Passes, colorspace: str, own: np.ndarray | None = None) -> None:
-    """Write an .exr with all layers, atomically: 16-bit floats, or 32 where those do not hold its values.
+    """Write an .exr, atomically: 16-bit floats, or 32 where those do not hold its values.
 
-    own: see Passes.layers.
+    Its channels are R, G, B, A of the composite, plate.*, object.*, shadow.* and occlusion.Y, light in the primaries of
+    one of COLORSPACES. The shadow is recomputed from both plates, so that the passes compose in those too.
+
+    own: [H, W, 3], the photo in the file's primaries with all its colours, if available, which becomes the plate.
     """
-    from anyprobe.files.atomic import atomic_path
-    from anyprobe.maps.exr import write_channels
-
-    layers = passes.layers(lambda rgb: from_rec709(rgb, colorspace), own)
+    plate, dark = (from_rec709(light, colorspace) for light in (passes.plate, passes.plate * passes.shadow))
+    factor = np.where(plate > 1e-6, dark / np.maximum(plate, 1e-6), passes.shadow)
+    plate, light = plate if own is None else own, from_rec709(passes.object[..., :3], colorspace)
+    premultiplied = np.concatenate([light, passes.object[..., 3:]], axis=-1)
+    composed = replace(passes, plate=plate, shadow=factor, object=premultiplied).composed()
+    layers = {"A": np.ones(plate.shape[:2], np.float32), "occlusion.Y": passes.occlusion}
+    layers["object.A"] = passes.object[..., 3]
+    for k, name in enumerate("RGB"):
+        layers[name] = composed[..., k]
+        layers |= {f"plate.{name}": plate[..., k], f"object.{name}": light[..., k], f"shadow.{name}": factor[..., k]}
     half = all(np.abs(values).max() <= HALF_MAX for values in layers.values())
     half = half and (own is None or np.array_equal(own, own.astype(np.float16)))
     channels = {name: values.astype(np.float16 if half else np.float32) for name, values in layers.items()}
