@@ -19,7 +19,6 @@ shape_checks.install()
 from support.scenes import sphere_photo  # noqa: E402
 
 from anyprobe.cli.app import main  # noqa: E402
-from anyprobe.estimate import estimator as estimate_module  # noqa: E402
 from anyprobe.estimate.estimator import Estimator  # noqa: E402
 from anyprobe.estimate.result import Light  # noqa: E402
 from anyprobe.masks.networks import small_network  # noqa: E402
@@ -115,7 +114,7 @@ _kept = lru_cache(8)(Estimator)
 @pytest.fixture
 def networks_opened_once(monkeypatch) -> None:
     """The same Estimator kept between commands, as `command` keeps it: each would take half a second to open it."""
-    monkeypatch.setattr(estimate_module, "Estimator", _kept)
+    monkeypatch.setattr("anyprobe.cli.options.Estimator", _kept)
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ import pytest
 
 import anyprobe
 from anyprobe.cli import doctor
-from anyprobe.estimate import estimator as estimator_module
+from anyprobe.core.latlong import pixel_directions
 from anyprobe.estimate.runtime import file_hashes
 from anyprobe.inputs.settings import DEFAULT_MODEL
 
@@ -49,9 +49,9 @@ def test_failed_self_test_is_one_line_and_status_2(command, monkeypatch):
 )
 def test_self_test_measures_the_angle(monkeypatch, estimator, found, expected):
     """A model that always sees one emitter is as wrong as that emitter is far from the drawn one."""
-    inside = doctor._emitter(np.asarray(found) / np.linalg.norm(found))
-    light = anyprobe.Light(radiance=inside)
-    monkeypatch.setattr(estimator_module, "Estimator", lambda model: lambda photo: light)
+    inside = pixel_directions(64) @ np.asarray(found) > 0.966 * np.linalg.norm(found)
+    light = anyprobe.Light(radiance=np.where(inside[..., None], np.full(3, 9.0, np.float32), np.float32(0.12)))
+    monkeypatch.setattr(doctor, "Estimator", lambda model: lambda photo: light)
     assert doctor.self_test("paper")[1] == pytest.approx(expected, abs=2)
 
 

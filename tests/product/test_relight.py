@@ -449,7 +449,7 @@ def test_bad_options_are_refused_before_the_photo_is_read(command, work, photo_p
     def unread(*_):
         pytest.fail("the photo was read")
 
-    monkeypatch.setattr("anyprobe.pictures.images.read_image", unread)
+    monkeypatch.setattr("anyprobe.cli.relight.read_image", unread)
     assert said in command("relight", photo_path, *given).complaint
 
 

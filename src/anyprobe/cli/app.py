@@ -130,7 +130,7 @@ def quiet_libraries() -> Iterator[None]:
     os.environ.setdefault("PYTHONSAFEPATH", "1")  # a random.py in the working folder is not Python's in children either
     saved_quiet, image_io.quiet = image_io.quiet, silenced
     is_main_thread = threading.current_thread() is threading.main_thread()
-    handler = signal.signal(signal.SIGTERM, _end) if is_main_thread else None
+    handler = signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number)) if is_main_thread else None
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -139,10 +139,6 @@ def quiet_libraries() -> Iterator[None]:
         image_io.quiet = saved_quiet
         if is_main_thread:
             signal.signal(signal.SIGTERM, handler)
-
-
-def _end(number: int, _: object) -> None:
-    sys.exit(128 + number)
 
 
 @contextlib.contextmanager

@@ -13,9 +13,15 @@ from rich.console import Console
 
 from anyprobe import __version__
 from anyprobe.cli.options import OPTIONS, ModelOption
+from anyprobe.core.latlong import pixel_directions
 from anyprobe.errors import ModelError
+from anyprobe.estimate.estimator import Estimator
+from anyprobe.estimate.runtime import file_hashes
+from anyprobe.files.graphs import local_providers
 from anyprobe.inputs.settings import DEFAULT_MODEL
+from anyprobe.masks.weights import SHA256, find_weights
 from anyprobe.notices import FETCH_MASKS
+from anyprobe.render.spheres import diffuse, sphere_normals
 
 
 def doctor(*, model: ModelOption = DEFAULT_MODEL) -> None:
@@ -23,9 +29,6 @@ def doctor(*, model: ModelOption = DEFAULT_MODEL) -> None:
 
     Prints versions and model hashes, and estimates the light of a rendered sphere.
     """
-    from anyprobe.estimate.runtime import file_hashes
-    from anyprobe.files.graphs import local_providers
-
     console = Console(markup=False, emoji=False, highlight=False)
     console.print(f"python {platform.python_version()} on {platform.system()} {platform.machine()}")
     console.print(f"anyprobe {__version__}")
@@ -75,8 +78,6 @@ def _installed(extra: str, packages: list[str]) -> str:
 
 def mask_network() -> str:
     """Return one line on the network that finds objects in photos here."""
-    from anyprobe.masks.weights import SHA256, find_weights
-
     weights = find_weights()
     if weights is None:
         advice = OPTIONS.action(FETCH_MASKS)
@@ -90,11 +91,10 @@ def self_test(model: str) -> tuple[float, float]:
     Returns:
         Seconds for one photo, and the error of the dominant light's direction [degrees].
     """
-    from anyprobe.estimate.estimator import Estimator
-    from anyprobe.render.spheres import diffuse, sphere_normals
-
     toward = np.array([-0.6, 0.6, 0.53])
-    radiance = _emitter(toward / np.linalg.norm(toward))
+    toward /= np.linalg.norm(toward)
+    level = 0.12 + 9.0 * (pixel_directions(64) @ toward > np.cos(np.radians(15.0)))
+    radiance = level[..., None].repeat(3, axis=-1).astype(np.float32)
     mask = sphere_normals(128)[1]
     photo = np.concatenate([np.clip(diffuse(radiance, len(mask)), 0, 1), mask[..., None]], axis=-1).astype(np.float32)
     estimator = Estimator(model)
@@ -102,12 +102,5 @@ def self_test(model: str) -> tuple[float, float]:
     start = time.perf_counter()
     light = estimator(photo)
     seconds = time.perf_counter() - start
-    cosine = light.dominant_light().direction @ toward / np.linalg.norm(toward)
+    cosine = light.dominant_light().direction @ toward
     return seconds, float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
-
-
-def _emitter(direction: np.ndarray) -> np.ndarray:
-    from anyprobe.core.latlong import pixel_directions
-
-    cosine = pixel_directions(64) @ direction
-    return (0.12 + 9.0 * (cosine > np.cos(np.radians(15.0))))[..., None].repeat(3, axis=-1).astype(np.float32)

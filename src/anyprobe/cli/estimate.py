@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 from cyclopts import Parameter
@@ -22,15 +22,13 @@ from anyprobe import session
 from anyprobe.cli import options, photo_files
 from anyprobe.cli.app import print_table
 from anyprobe.errors import AnyprobeError, InputError, InvalidPhoto
+from anyprobe.estimate.doubts import exposure_doubts
+from anyprobe.estimate.photo import Photo
+from anyprobe.estimate.poses import read_poses
+from anyprobe.estimate.result import Light
 from anyprobe.files.atomic import check_folder
 from anyprobe.files.paths import open_regular
-from anyprobe.inputs.hints import Hints
 from anyprobe.place.panorama import check_rows
-
-if TYPE_CHECKING:
-    from anyprobe.estimate.estimator import Estimator
-    from anyprobe.estimate.photo import Photo
-    from anyprobe.estimate.result import Light
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -78,26 +76,66 @@ def estimate(
     has_bar = len(listed) > 1 and console.is_terminal
     has_lines = len(listed) > 1 and not console.is_terminal
     progress: Any = track(listed, "estimating", console=console, transient=True, disable=not has_bar)
-    call = EstimateCall(
-        estimator=estimator,
-        out=out,
-        hints=hints,
-        marks=marked,
-        poses=poses,
-        as_json=as_json,
-        listed=listed,
-        files={"colorspace": colorspace, "size": size, "frame": frame},
-    )
+
+    def marked_photo(path: Path, shot: session.Shot) -> Photo:
+        """Find the object; errors of one of several photos name it."""
+        try:
+            return session.mark(shot, estimator.segmenter)
+        except AnyprobeError as error:
+            if poses is None:
+                raise
+            raise InputError(photo_files.photo_line(path, error), code=error.code) from error
+
+    def walk(paths: list[Path], steps: Iterable[Path]) -> tuple[Light, dict[str, Path]]:
+        """Open, mark, estimate and deliver; return the light and its files."""
+        stem = photo_files.result_stem(paths[0], listed)
+        cameras = None if poses is None else read_poses(poses)
+        shots = []
+        for path in paths:
+            if cameras is not None:  # the last may be missing, and finding objects takes a while
+                with open_regular(path, InvalidPhoto):
+                    pass
+            shots.append(photo_files.shot_of(path, hints, marked))
+            targets = [out / f"{stem}{end}" for end in session.PICTURED.values()]
+            photo_files.check_names(paths[0], listed, targets, (poses, *shots[-1].hints.files().values()))
+        shots, turns = session.open(shots, cameras)
+        found = (marked_photo(path, shot) for path, shot in zip(steps, shots, strict=True))
+        first = next(found)
+        light = session.estimate(estimator, chain([first], found), turns)
+        files = session.deliver(light, out, stem, photo=first, colorspace=colorspace, size=size, frame=frame)
+        return light, files
+
+    def done(paths: list[Path], steps: Iterable[Path]) -> Done:
+        """Estimate one light from a photo, or from several with poses, and write its files, named after the first.
+
+        An AnyprobeError ends a single photo alone, but a call of several. steps: the paths, as work goes on.
+        """
+        start, first = time.perf_counter(), paths[0]
+        try:
+            light, written = walk(paths, steps)
+        except AnyprobeError as error:
+            if poses is not None:
+                raise
+            line = photo_files.photo_line(first, error)
+            if as_json:
+                print(json.dumps({"photo": str(first), "error": line, "code": error.code}), flush=True)
+            return Done(photo=first, error=line)
+        if as_json:
+            files = {kind: str(target) for kind, target in written.items()}
+            print(json.dumps({**light.sidecar(), "photo": str(first), "files": files}), flush=True)
+        cells = (*_said(light), f"{time.perf_counter() - start:.2f}")
+        return Done(photo=first, stem=photo_files.result_stem(first, listed), cells=cells, warnings=light.warnings)
+
     with contextlib.closing(progress) as steps:  # else its thread outlives an error, and the process never ends
         results: list[Done] = []
         try:
             if poses is not None:
-                results.append(call.estimate(listed, steps))
+                results.append(done(listed, steps))
             else:
                 for number, path in enumerate(steps, start=1):
                     if has_lines:  # a log, which shows no bar
                         console.print(f"{number} of {len(listed)}: {photo_files.photo_name(path)}", soft_wrap=True)
-                    results.append(call.estimate([path], [path]))
+                    results.append(done([path], [path]))
         except KeyboardInterrupt:
             if poses is None and len(listed) > 1:
                 text = f"anyprobe: stopped with {len(results)} of {len(listed)} photos done, which are in {out}"
@@ -112,74 +150,8 @@ def estimate(
         sys.exit(2)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class EstimateCall:
-    """Options that all photos of a call share; files: keywords of session.deliver."""
-
-    estimator: Estimator
-    out: Path
-    hints: Hints
-    marks: photo_files.Marks
-    poses: Path | None
-    as_json: bool
-    listed: list[Path]
-    files: dict[str, Any]
-
-    def estimate(self, paths: list[Path], steps: Iterable[Path]) -> Done:
-        """Estimate one light from a photo, or from several with poses, and write its files, named after the first.
-
-        An AnyprobeError ends a single photo alone, but a call of several. steps: the paths, as work goes on.
-        """
-        start, first = time.perf_counter(), paths[0]
-        try:
-            light, written = self._walk(paths, steps)
-        except AnyprobeError as error:
-            if self.poses is not None:
-                raise
-            line = photo_files.photo_line(first, error)
-            if self.as_json:
-                print(json.dumps({"photo": str(first), "error": line, "code": error.code}), flush=True)
-            return Done(photo=first, error=line)
-        if self.as_json:
-            files = {kind: str(target) for kind, target in written.items()}
-            print(json.dumps({**light.sidecar(), "photo": str(first), "files": files}), flush=True)
-        cells = (*_said(light), f"{time.perf_counter() - start:.2f}")
-        return Done(photo=first, stem=photo_files.result_stem(first, self.listed), cells=cells, warnings=light.warnings)
-
-    def _walk(self, paths: list[Path], steps: Iterable[Path]) -> tuple[Light, dict[str, Path]]:
-        """Open, mark, estimate and deliver; return the light and its files."""
-        from anyprobe.estimate.poses import read_poses
-
-        stem = photo_files.result_stem(paths[0], self.listed)
-        poses = None if self.poses is None else read_poses(self.poses)
-        shots = []
-        for path in paths:
-            if poses is not None:  # the last may be missing, and finding objects takes a while
-                with open_regular(path, InvalidPhoto):
-                    pass
-            shots.append(photo_files.shot_of(path, self.hints, self.marks))
-            targets = [self.out / f"{stem}{end}" for end in session.PICTURED.values()]
-            photo_files.check_names(paths[0], self.listed, targets, (self.poses, *shots[-1].hints.files().values()))
-        shots, turns = session.open(shots, poses)
-        photos = (self._marked(path, shot) for path, shot in zip(steps, shots, strict=True))
-        first = next(photos)
-        light = session.estimate(self.estimator, chain([first], photos), turns)
-        return light, session.deliver(light, self.out, stem, photo=first, **self.files)
-
-    def _marked(self, path: Path, shot: session.Shot) -> Photo:
-        """Find the object; errors of one of several photos name it."""
-        try:
-            return session.mark(shot, self.estimator.segmenter)
-        except AnyprobeError as error:
-            if self.poses is None:
-                raise
-            raise InputError(photo_files.photo_line(path, error), code=error.code) from error
-
-
 def _said(light: Light) -> tuple[str, str]:
     """Return where a light comes from, if a source dominates, and the uncertainty of its brightness, in words."""
-    from anyprobe.estimate.doubts import exposure_doubts
-
     dominant, ground, uncertainty = light.dominant_light(), light.ground, light.origin.uncertainty
     x, y, z = dominant.direction if ground is None else ground.level_from_camera @ dominant.direction
     azimuth, elevation = np.degrees(np.arctan2(x, -z)), np.degrees(np.arcsin(np.clip(y, -1, 1)))

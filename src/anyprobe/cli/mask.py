@@ -51,7 +51,9 @@ def mask(
             if as_json:
                 print(json.dumps(summary), flush=True)
             elif not quiet:
-                print(_line(summary))
+                said = f", {summary['said']}" if summary["said"] else ""
+                share = f"{100 * summary['share']:.0f} % of the photo"
+                print(f"{summary['mask']}: by {summary['source']}, {share}{said}")
             warnings += doubts
         except AnyprobeError as error:
             print(f"anyprobe: {photo_files.photo_line(path, error)}", file=sys.stderr)
@@ -60,11 +62,6 @@ def mask(
         print(f"warning: {OPTIONS.line(warning)}", file=sys.stderr)
     if failed or (place.strict and warnings):
         sys.exit(2)
-
-
-def _line(summary: dict[str, Any]) -> str:
-    comment = f", {summary['said']}" if summary["said"] else ""
-    return f"{summary['mask']}: by {summary['source']}, {100 * summary['share']:.0f} % of the photo{comment}"
 
 
 def _write(

@@ -77,8 +77,9 @@ def match(
     with console.status("comparing"):
         ranked = light.match(library)
     stem, chosen = result_stem(photo, [photo]), ranked[:best]
-    files = {candidate.rank: f"{stem}_{candidate.rank + 1}_{_file_name(candidate.name)}.exr" for candidate in chosen}
-    warnings = [*light.warnings, *library.warnings]
+    safe = {candidate.rank: re.sub(r"[^\w.-]+", "_", candidate.name)[-80:] for candidate in chosen}
+    files = {rank: f"{stem}_{rank + 1}_{name}.exr" for rank, name in safe.items()}
+    warnings = [*light.warnings, *(f"left out: {fault}" for fault in library.faults)]
     with atomic_files(out) as scratch, console.status("writing"):
         for candidate in chosen:
             candidate.write(scratch / files[candidate.rank])
@@ -122,11 +123,6 @@ def match(
     console.print(f"results: {out / stem}_*", soft_wrap=True)
     if given.strict and warnings:
         sys.exit(2)
-
-
-def _file_name(name: str) -> str:
-    """Return a map's name made safe for a file name."""
-    return re.sub(r"[^\w.-]+", "_", name)[-80:]
 
 
 def match_doubts(light: Light, first: MatchedMap) -> list[Notice]:

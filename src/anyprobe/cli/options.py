@@ -11,20 +11,17 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from cyclopts import Group, Parameter, Token
 
 from anyprobe.errors import InputError, InvalidMask, OutputError
+from anyprobe.estimate.estimator import Estimator
 from anyprobe.files.graphs import CPU
-from anyprobe.inputs.description import Hint
 from anyprobe.inputs.hints import HINTS, PICTURES, Hints
 from anyprobe.inputs.settings import DEFAULT_MODEL, SETTINGS, Settings
+from anyprobe.masks.networks import Network, load_network
 from anyprobe.notices import RESTART, Words
-
-if TYPE_CHECKING:
-    from anyprobe.estimate.estimator import Estimator
-    from anyprobe.masks.networks import Network
 
 Photos = Annotated[Path, Parameter(name="PHOTO", help="Photos, folders of photos, or - for standard input.")]
 JsonOption = Annotated[bool, Parameter(name="--json", help="Print JSON on stdout.")]
@@ -119,8 +116,9 @@ class PlaceOptions:
         Raises:
             InputError: a text that is not what its option takes. InvalidMask: no such file or folder.
         """
-        texts = {name: text for name, text in vars(self).items() if name in HINTS and text is not None}
-        hints = Hints(**{name: _read(HINTS[name], text) for name, text in texts.items()})
+        given = [(HINTS[name], text) for name, text in vars(self).items() if name in HINTS and text is not None]
+        values: list[Any] = [(hint.read_path if hint.suffixes else hint.read)(text) for hint, text in given]
+        hints = Hints(**{hint.keyword: value for (hint, _), value in zip(given, values, strict=True)})
         for name in ("mask", "depth"):
             path = hints.files().get(name)
             if path is not None and not path.exists():
@@ -129,13 +127,7 @@ class PlaceOptions:
 
     def open_segmenter(self) -> Network | None:
         """Open the network that is asked for; None if none is. Errors: see load_network."""
-        from anyprobe.masks.networks import load_network
-
         return None if self.segmenter is None else load_network(self.segmenter)
-
-
-def _read(hint: Hint, given: Any) -> Any:
-    return hint.read_path(given) if hint.suffixes else hint.read(given)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -167,8 +159,6 @@ class ModelOptions:
 
     def estimator(self, segmenter: str | None = None) -> Estimator:
         """Open the estimator with these options."""
-        from anyprobe.estimate.estimator import Estimator
-
         return Estimator(Settings(**vars(self), segmenter=segmenter))
 
 

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from threading import Timer
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 from cyclopts import Group, Parameter
@@ -17,19 +17,27 @@ from cyclopts import Group, Parameter
 from anyprobe import session
 from anyprobe.cli import options
 from anyprobe.cli.photo_files import hints_for, photo_name, photo_source, result_stem
+from anyprobe.core.color import to_bytes
 from anyprobe.errors import InputError, InvalidMask, OutputError, arguments_named
-from anyprobe.files.objects import MESH_SUFFIXES
+from anyprobe.estimate.estimator import Estimator
+from anyprobe.estimate.ground import USUAL_ERROR_DEG, Ground, pitch_words
+from anyprobe.estimate.photo import Photo
+from anyprobe.export.exported_light import read_with_origin
+from anyprobe.files.atomic import check_writable
+from anyprobe.files.objects import MESH_SUFFIXES, open_object
 from anyprobe.files.paths import is_same_file
 from anyprobe.inputs.description import numbers_in
 from anyprobe.inputs.hints import HINTS
-
-if TYPE_CHECKING:
-    from anyprobe.estimate.estimator import Estimator
-    from anyprobe.estimate.ground import Ground
-    from anyprobe.estimate.photo import Photo
-    from anyprobe.estimate.result import Light
-    from anyprobe.relight.insert import Stage
-    from anyprobe.render.mesh import Mesh
+from anyprobe.light.environment import rotate
+from anyprobe.maps.radiance import opaque_linear
+from anyprobe.pictures.headers import MAX_PIXELS
+from anyprobe.pictures.images import read_image, write_png
+from anyprobe.relight.appearance import least_scale
+from anyprobe.relight.insert import PHOTO_MATERIAL, Arrangement, Stage
+from anyprobe.relight.passes import passes_of, write_passes
+from anyprobe.relight.placement import check_foot, check_height
+from anyprobe.render.mesh import Mesh
+from anyprobe.scatter.materials import material_named
 
 _SUFFIXES = (".png", ".exr")
 TRANSPARENT = (
@@ -79,11 +87,6 @@ class InsertOptions:
 
     def mesh(self, insert: str) -> Mesh:
         """Open the object that --insert names. InputError if it or its material is unknown."""
-        from anyprobe.files.objects import open_object
-        from anyprobe.relight.insert import PHOTO_MATERIAL
-        from anyprobe.relight.placement import check_height
-        from anyprobe.scatter.materials import material_named
-
         with arguments_named(material="insert_material", object="insert", mesh="insert"):
             if self.insert_material != PHOTO_MATERIAL:
                 material_named(self.insert_material, PHOTO_MATERIAL)
@@ -119,16 +122,6 @@ def relight(
         out: File to write: .png, or .exr with passes; default: relit/<stem>_relit.png.
         light: Use this .exr or .hdr map that estimate wrote, instead of an estimate.
     """
-    from anyprobe.core.color import to_bytes
-    from anyprobe.export.exported_light import read_with_origin
-    from anyprobe.files.atomic import check_writable
-    from anyprobe.maps.radiance import opaque_linear
-    from anyprobe.pictures.headers import MAX_PIXELS
-    from anyprobe.pictures.images import read_image, write_png
-    from anyprobe.relight.insert import Arrangement, Stage
-    from anyprobe.relight.passes import passes_of, write_passes
-    from anyprobe.relight.placement import check_foot
-
     if photo.is_dir():
         raise InputError("is a folder; name one photo", subject="photo", source=photo)
     if light is not None:
@@ -191,7 +184,9 @@ def relight(
     if as_json:
         print(json.dumps(summary))
     elif not quiet:
-        camera = _pitch(stage, loaded, ground)
+        is_known = loaded.pitch_deg is not None or (ground is not None and ground.is_known)
+        error_deg = None if is_known else USUAL_ERROR_DEG if ground is None else ground.pitch_error_deg
+        camera = pitch_words(stage.placement.pitch_deg, error_deg=error_deg)
         said = f"{insert} of {material} at {contact_px[0]:.0f},{contact_px[1]:.0f}, camera {camera}"
         print(f"{out}: {said}", file=sys.stderr)
     if strict and summary["warnings"]:
@@ -210,16 +205,6 @@ def progress(text: str, silent: bool) -> Iterator[None]:
         timer.cancel()
 
 
-def _pitch(stage: Stage, photo: Photo, ground: Ground | None) -> str:
-    """Format the camera's pitch, with its error unless it was given or noted."""
-    from anyprobe.estimate.ground import USUAL_ERROR_DEG, pitch_words
-
-    if photo.pitch_deg is not None or (ground is not None and ground.is_known):
-        return pitch_words(stage.placement.pitch_deg)
-    error_deg = USUAL_ERROR_DEG if ground is None else ground.pitch_error_deg
-    return pitch_words(stage.placement.pitch_deg, error_deg=error_deg)
-
-
 def _radiance(
     photo: Photo, source: Estimator | tuple[np.ndarray, dict[str, Any], np.ndarray], models: options.ModelOptions
 ) -> tuple[np.ndarray, float, Ground | None, tuple[str, ...]]:
@@ -229,24 +214,13 @@ def _radiance(
     photo. An estimate is scaled to the brightness that the object needs.
     """
     if isinstance(source, tuple):
-        from anyprobe.estimate.ground import Ground
-        from anyprobe.light.environment import rotate
-
         radiance, origin, turn = source
         if not np.allclose(turn, np.eye(3)):
             radiance = np.maximum(rotate(radiance, turn.T), 0.0)
         is_same_photo = origin.get("photo") == photo.name and "ground" in origin and photo.pitch_deg is None
         ground = Ground.of(origin["ground"]) if is_same_photo else session.estimate(models.estimator(), [photo]).ground
         return radiance, 1.0, ground, photo.warnings
-    from anyprobe.relight.appearance import least_scale
-
-    estimated = session.estimate(source, [photo])
-    if photo.material is not None:  # which settles the level
-        return _mirrored_map(estimated), 1.0, estimated.ground, estimated.warnings
-    gain = least_scale(photo, estimated.radiance)
-    return _mirrored_map(estimated) * np.float32(gain), gain, estimated.ground, estimated.warnings
-
-
-def _mirrored_map(light: Light) -> np.ndarray:
-    """Return the map that an inserted object mirrors, in the camera's frame."""
-    return light.panorama(PANORAMA_ROWS, frame="camera", lit=True).radiance
+    light = session.estimate(source, [photo])
+    gain = 1.0 if photo.material is not None else least_scale(photo, light.radiance)  # a material settles the level
+    mirrored = light.panorama(PANORAMA_ROWS, frame="camera", lit=True).radiance
+    return mirrored * np.float32(gain), gain, light.ground, light.warnings

@@ -152,16 +152,12 @@ def _token(given: str | None, is_local: bool) -> str | None:
 def _open_port(host: str, port: int) -> socket.socket:
     """Return a listening socket; InputError if there is none."""
     try:
-        family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
-        listening = socket.socket(family, kind, protocol)
-        # on Windows that word would let a second server take the port of one that runs
-        exclusive = getattr(socket, "SO_EXCLUSIVEADDRUSE", socket.SO_REUSEADDR)
-        listening.setsockopt(socket.SOL_SOCKET, exclusive, 1)
-        listening.bind(address)
+        family, *_, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+        is_6 = family == socket.AF_INET6
+        return socket.create_server(address, family=family, dualstack_ipv6=is_6 and socket.has_dualstack_ipv6())
     except OSError as error:
         text = f"{host}:{port}: cannot listen there ({error.strerror or error}); choose another --host or --port"
         raise InputError(text) from error
-    return listening
 
 
 def is_loopback(host: str) -> bool:
