@@ -8,6 +8,7 @@ import numpy as np
 import OpenEXR
 import pytest
 from PIL import Image, ImageCms
+from support.refused import assert_one_line
 
 from anyprobe.core.response import response
 from anyprobe.errors import InvalidPhoto
@@ -29,13 +30,6 @@ def saved(image: Image.Image, format: str = "PNG", **options) -> bytes:
     buffer = io.BytesIO()
     image.save(buffer, format=format, **options)
     return buffer.getvalue()
-
-
-def assert_one_line(caught, *words: str) -> None:
-    message = str(caught.value)
-    assert "\n" not in message
-    for word in words:
-        assert word in message, message
 
 
 def write_exr_channels(path, **channels) -> None:

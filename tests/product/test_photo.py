@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from PIL import Image
+from support.refused import assert_one_line
 
 from anyprobe.core.camera import ASSUMED_LONG_FOV_DEG
 from anyprobe.core.color import to_bytes
@@ -25,13 +26,6 @@ def disc(height: int, width: int, x: float, y: float, radius: float) -> np.ndarr
 def rgba_photo(height=120, width=200, x=70.0, y=50.0, radius=30.0, color=(0.6, 0.3, 0.2)) -> np.ndarray:
     alpha = disc(height, width, x, y, radius)
     return np.dstack([np.broadcast_to(np.float32(color), (height, width, 3)), alpha])
-
-
-def assert_one_line(caught, *words: str) -> None:
-    message = str(caught.value)
-    assert "\n" not in message
-    for word in words:
-        assert word in message, message
 
 
 # Which mask

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import OpenEXR
 import pytest
+from support.refused import assert_one_line
 
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.errors import InvalidEnvironment
@@ -29,13 +30,6 @@ def assert_within_rgbe(read: np.ndarray, written: np.ndarray) -> None:
 
 def hdr_file(height: int, width: int, pixels: bytes, lines: str = "FORMAT=32-bit_rle_rgbe\n") -> bytes:
     return f"#?RADIANCE\n{lines}\n-Y {height} +X {width}\n".encode() + pixels
-
-
-def assert_one_line(caught, *words: str) -> None:
-    message = str(caught.value)
-    assert "\n" not in message
-    for word in words:
-        assert word in message, message
 
 
 # .hdr

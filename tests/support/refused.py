@@ -45,3 +45,11 @@ def refused(
     assert (notice.code, notice.subject) == (code, subject)
     assert source in (None, Path(notice.source).name)
     assert naming in notice.text
+
+
+def assert_one_line(caught, *words: str) -> None:
+    """The error that pytest caught is one line, with these words."""
+    message = str(caught.value)
+    assert "\n" not in message
+    for word in words:
+        assert word in message, message
