@@ -13,8 +13,6 @@ AnyprobeError
 Each message is one line: what is wrong and what to do; for a value, what was expected and what was given.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any, ClassVar

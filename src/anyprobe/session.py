@@ -6,8 +6,6 @@ light = estimate(estimator, photos, turns)  # one light, in the first photo's ca
 deliver(light, folder, stem, photo=photo)   # files, all or none
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

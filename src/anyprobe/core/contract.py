@@ -1,7 +1,5 @@
 """Constants shared by Python and JavaScript: contract.json, which the page imports."""
 
-from __future__ import annotations
-
 import json
 from functools import lru_cache
 from importlib import resources

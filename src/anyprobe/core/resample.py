@@ -1,7 +1,5 @@
 """Resizing and reading between the pixels of pictures of floats with any number of channels."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

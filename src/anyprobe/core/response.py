@@ -4,8 +4,6 @@ Eilertsen et al. 2017 (hdrcnn), the homogeneous sigmoid of the paper's Sect. 3.4
 f(x) = (1 + sigma) x^n / (x^n + sigma), so that f(0) = 0 and f(1) = 1.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The known name that was meant by an unknown one."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from difflib import get_close_matches
 

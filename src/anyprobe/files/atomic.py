@@ -3,8 +3,6 @@
 A reader never sees a half-written result, and a failed or interrupted run leaves the old file unchanged.
 """
 
-from __future__ import annotations
-
 import errno
 import os
 import secrets

@@ -5,8 +5,6 @@ reads the variable once, at import, and it is then removed again. A program that
 the variable, decides for itself.
 """
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Mapping, Sequence

@@ -3,8 +3,6 @@
 Triangles are only rasterised: a mesh may be open, non-manifold or in pieces.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import re

@@ -1,7 +1,5 @@
 """Paths: the home folder, natural order, names of one file, and files that have an end."""
 
-from __future__ import annotations
-
 import os
 import re
 import stat

@@ -4,8 +4,6 @@ On a latitude-longitude grid such a kernel couples rows i and j through their lo
 transform along the columns turns it into one small matrix a frequency: 64 x 64 matrices instead of 8192 x 8192.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import lru_cache
 

@@ -5,8 +5,6 @@ the side. A border of one pixel, filled by the folding rule, makes every bilinea
 read local, and all levels lie in one flat array so that the level may vary freely.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any

@@ -22,8 +22,6 @@ with the time since: steady is then close to the plain mean of the values after 
 1 / t, so it does not grow while steady holds more than `forgotten` of the values before a clear move (its share stale).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any

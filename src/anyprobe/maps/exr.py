@@ -3,8 +3,6 @@
 Limits cover what is decoded: all channels of the part that is read.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext

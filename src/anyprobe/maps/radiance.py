@@ -3,8 +3,6 @@
 A map is latitude-longitude, row 0 up, H x 2H; ours in Rec. 709 primaries.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import textwrap

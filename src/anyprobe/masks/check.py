@@ -1,7 +1,5 @@
 """Checks of masks: [H, W] in [0, 1], white on an object that is large enough."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from anyprobe.core.contract import contract

@@ -1,7 +1,5 @@
 """Depth images, and the paper's mask from them: depths between a near and a far plane (Sect. 3)."""
 
-from __future__ import annotations
-
 import io
 import os
 from pathlib import Path

@@ -3,8 +3,6 @@
 That follows from the network's own probabilities and from a second look; the same in web/src/photo/quality.js.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -3,8 +3,6 @@
 Specks, threads, and parts far from the largest do not. The same in web/src/photo/parts.js and specks.js.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from anyprobe.core.contract import contract

@@ -2,8 +2,6 @@
 channel of the mask network, in inference and training.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Ready-made masks: the photo's alpha channel, a picture, the caller's own function."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from pathlib import Path

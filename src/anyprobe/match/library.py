@@ -1,7 +1,5 @@
 """The library of `match`: a few numbers of each map of a folder, which the user's cache keeps until the map changes."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import zipfile

@@ -1,7 +1,5 @@
 """`match`: the panoramas of a folder, ranked by how well they explain a photo's light, and brought into its frame."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any

@@ -3,8 +3,6 @@
 Pictures are [N, C, H, W], of NumPy or torch; the networks are callables that take and return such pictures.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any

@@ -8,8 +8,6 @@ into `diffuse_weight` and `specular_weight`. The paper leaves D, G and F open an
 and Schlick, with the height-correlated G.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from array_api_compat import array_namespace
 

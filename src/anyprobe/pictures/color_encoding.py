@@ -5,8 +5,6 @@ white is 1: PQ has it at 203 cd/m2, HLG at a signal of 0.75 (ITU-R BT.2408). HLG
 without the opto-optical transfer function of a display.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """Size that a picture's file declares, for every kind that is read; nothing is decoded."""
 
-from __future__ import annotations
-
 import io
 import os
 from contextlib import suppress

@@ -1,8 +1,6 @@
 """Pictures that Pillow reads with 8 bits, or not at all: 16 bits, floats and JPEG XL, decoded by OpenImageIO; and RAW
 photos, recognised by their contents, developed linearly by LibRaw, never read from their embedded preview."""
 
-from __future__ import annotations
-
 import io
 from contextlib import suppress
 from dataclasses import dataclass

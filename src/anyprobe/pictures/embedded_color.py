@@ -7,8 +7,6 @@ Profiles (ICC.1) are interpreted by their contents, never by their names. Those 
 for pictures of any depth; profiles with tables, and all pictures of 8 bits, are left to LittleCMS.
 """
 
-from __future__ import annotations
-
 import io
 import struct
 from collections.abc import Callable

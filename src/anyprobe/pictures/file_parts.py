@@ -4,8 +4,6 @@ Boxes of HEIC, AVIF and JPEG XL, and those that describe a gain map (ISO/IEC 144
 and markers of JPEG (ITU-T T.81).
 """
 
-from __future__ import annotations
-
 import re
 import struct
 from collections.abc import Iterator

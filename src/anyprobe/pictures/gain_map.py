@@ -12,8 +12,6 @@ Ultra HDR is written too, in Android's XMP (hdrgm 1.0), with o_h = o_s = min = 0
 sRGB, channel by channel. The second picture follows the first; CIPA's multi-picture segment has its offset.
 """
 
-from __future__ import annotations
-
 import io
 import re
 import struct

@@ -1,7 +1,5 @@
 """Headers of photos, read before decoding: format, EXIF with Apple's maker note, and what takes too long to decode."""
 
-from __future__ import annotations
-
 import io
 from contextlib import suppress
 from importlib import import_module

@@ -4,8 +4,6 @@ Every kind (palette, CMYK, 16 bits, rotated by EXIF, wide-gamut, HDR, RAW, float
 anything that cannot be a photo raises an error of one line.
 """
 
-from __future__ import annotations
-
 import io
 import os
 from dataclasses import dataclass, replace

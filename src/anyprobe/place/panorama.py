@@ -10,8 +10,6 @@ sources and of what is not seen, which is held to 1, bring irradiance near to th
 is instead given the estimate's nine harmonics of luminance, by a smooth gain with the least change.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """The plate: a photo without its object, small enough to keep, for panoramas of the place."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -9,8 +9,6 @@ where w is 1 and t is 0, it fades out over its reach. The normal equations are (
 Laplacian K of the sphere: columns wrap, and no flux crosses a pole, where a row's edge has no length.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from anyprobe.core.latlong import pixel_solid_angles

@@ -7,8 +7,6 @@ in display values: the shape is unknown, so where on the object they lie does no
 light's colour that was mistaken for the object's, or the reverse.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from anyprobe.core.color import luminance

@@ -5,8 +5,6 @@ by b erf(1 / (2 sqrt(2) s)) at most. The grain is what a filter leaves that no p
 variance estimation"), in the calmest quarter of the photo's patches.
 """
 
-from __future__ import annotations
-
 import math
 import zlib
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ Everything is in the camera's frame (+X right, +Y up, looking along -Z); the uni
 camera's height over the ground, which a photo does not determine and nothing here needs.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

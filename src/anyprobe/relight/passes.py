@@ -1,8 +1,6 @@
 """A relit photo as separate passes for compositors: the photo, the shadow that multiplies it, and the object over
 it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 

@@ -9,8 +9,6 @@ seldom seem to be on its ground. Where the virtual object would seem to float or
 The real object's form is guessed from its mask: an upright body of elliptic sections, whose back is as its front.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from enum import StrEnum
 

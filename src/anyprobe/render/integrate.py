@@ -11,8 +11,6 @@ alpha is a sum of three images that are independent of colour:
 The functions run on NumPy arrays and on torch tensors, compiled or not.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Closed surfaces over a latitude-longitude grid; the sphere."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from anyprobe.render.mesh import Mesh, make_mesh

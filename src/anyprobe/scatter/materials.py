@@ -3,8 +3,6 @@
 paper.equations evaluates the reflectance.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Responses: a light as JSON or as a map in the requested format, and errors as problem details (RFC 9457)."""
 
-from __future__ import annotations
-
 import base64
 import tempfile
 from collections.abc import Mapping

@@ -1,8 +1,6 @@
 """Middleware: checks before every request, of its size, its sender and its page; security headers of every answer; and
 metrics for Prometheus at /metrics: requests, seconds and the queue."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import secrets

@@ -1,7 +1,5 @@
 """Limits of requests, listed in docs/reference/security.md."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 MAX_CONNECTIONS = 512

@@ -4,8 +4,6 @@ page/ is built from web/ (CONTRIBUTING.md) and holds large files as .gz: a serve
 unpacks them for hosts that cannot.
 """
 
-from __future__ import annotations
-
 import asyncio
 import gzip
 import hashlib

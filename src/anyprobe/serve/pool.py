@@ -4,8 +4,6 @@ A damaged or hostile file may end a process, but not the server. The limits boun
 sandbox: the processes run as the same user and may open the same files.
 """
 
-from __future__ import annotations
-
 import asyncio
 import logging
 import multiprocessing

@@ -1,7 +1,5 @@
 """Tasks of decoding processes: from bytes to the input of the networks or of the answer."""
 
-from __future__ import annotations
-
 import shutil
 import tempfile
 from pathlib import Path

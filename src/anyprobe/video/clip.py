@@ -3,8 +3,6 @@
 PyAV reads mp4, mov, webm, mkv, avi, gif and more; see CONTAINERS.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager

@@ -1,8 +1,6 @@
 """Follow the object's mask from frame to frame: from a folder, from a clip's transparency, or found once and moved with
 the object (video.held_mask)."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping
 from dataclasses import replace

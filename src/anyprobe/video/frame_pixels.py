@@ -4,8 +4,6 @@ Streams describe their colours by code points of ITU-T H.273. Without one for th
 BT.2020 for its primaries, else BT.709 for HD and BT.601 for smaller pictures.
 """
 
-from __future__ import annotations
-
 from fractions import Fraction
 from pathlib import Path
 from typing import Any

@@ -15,8 +15,6 @@ light changes back to that of the key.
 error that registration expects of itself, at most NARROW_MOST pixels: its edge also shows what lies beside the object.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import partial
 

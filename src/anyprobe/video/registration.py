@@ -7,8 +7,6 @@ turn and by an affine map (then its nearest similarity) too, if these explain mu
 shading, which must not be taken for a motion.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from types import ModuleType
 

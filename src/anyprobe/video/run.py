@@ -1,7 +1,5 @@
 """Turn a clip into a track of lights: masks, networks, the filter over time, and the relit clip."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor

@@ -1,7 +1,5 @@
 """Write the lights of a clip as one JSON file, and keep on disk what a run needs to resume."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os
