@@ -8,14 +8,14 @@ from pathlib import Path
 from anyprobe.errors import InputError
 from anyprobe_train.dataset.asset_store import AssetStore, load_asset_store
 from anyprobe_train.dataset.pair import Pair, Trace
-from anyprobe_train.dataset.recipe import Recipe, digest, read_recipes, world_recipes
+from anyprobe_train.dataset.recipe import Recipe, read_recipes
 from anyprobe_train.evaluate.path_traced import open_mitsuba, trace_mesh
 from research.kept_pairs import kept_pairs
 from research.left_out import load_left_out
 
 PATHS = 128
 """Through each pixel; the noise that is left is a camera's in a dim room."""
-COUNT, SEED = 200, 2026
+COUNT = 200
 PARTS = {"test": "test.txt", "left-out": "left_out.txt"}
 """The list of each part: of held-out maps and shapes; of the training assets that no shipped weights learn from,
 to choose models by."""
@@ -47,11 +47,3 @@ def world_pairs(data: Path, part: str, kept: Path | None, trace: Trace | None = 
 def _trace(mesh, camera, radiance, material):
     open_mitsuba()
     return trace_mesh(mesh, camera, radiance, material, num_paths=PATHS)
-
-
-def write_lists(data: Path, folder: Path) -> None:
-    """The lists of recipes as they were drawn, once."""
-    for part, name in PARTS.items():
-        recipes = world_recipes(store_of(data, part), COUNT, SEED)
-        lines = [f"# {digest(recipes)}", *(recipe.to_hex() for recipe in recipes)]
-        (folder / name).write_text("\n".join(lines) + "\n", encoding="ascii")

@@ -20,12 +20,12 @@ from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe_train.dataset import distributions
 from anyprobe_train.dataset.asset_store import AssetStore, load_asset_store
 from anyprobe_train.dataset.camera import Shot, draw_shot, one_photo
-from anyprobe_train.dataset.recipe import Recipe, digest, read_recipes, world_recipes
+from anyprobe_train.dataset.recipe import Recipe, read_recipes
 from research.left_out import load_left_out
 from research.world.whole_render import Render, render_scene
 from research.world.whole_scenes import Scene, draw_scene
 
-COUNT, SEED = 100, 2041
+COUNT = 100
 LISTS = {"test": "whole_test.txt", "left-out": "whole_left_out.txt"}
 PARTS = tuple(LISTS)
 """Held-out maps and shapes; training assets that no shipped weights learn from, to choose by."""
@@ -173,11 +173,3 @@ def read_render(path: Path) -> Render:
             mask=stored["mask"].astype(np.float32) / 255,
             truth=stored["truth"],
         )
-
-
-def write_lists(data: Path, folder: Path) -> None:
-    """The lists of recipes as they were drawn, once."""
-    for part, name in LISTS.items():
-        recipes = world_recipes(store_of(data, part), COUNT, SEED)
-        lines = [f"# {digest(recipes)}", *(recipe.to_hex() for recipe in recipes)]
-        (folder / name).write_text("\n".join(lines) + "\n", encoding="ascii")

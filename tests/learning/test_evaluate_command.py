@@ -17,7 +17,7 @@ from anyprobe.pictures.images import read_image
 from anyprobe_train.dataset import catalog
 from anyprobe_train.dataset import pair as pair_module
 from anyprobe_train.dataset.asset_store import AssetStore, own_map, own_shape
-from anyprobe_train.dataset.recipe import WORLD, digest, world_recipes
+from anyprobe_train.dataset.recipe import WORLD, balanced_recipes, digest
 from anyprobe_train.evaluate import methods, scoring
 
 TRUTH = ["one flat colour", "truth blurred by 15 degrees", "truth blurred by 30 degrees"]
@@ -147,7 +147,7 @@ def test_written_photos_are_all_that_a_method_is_given(work, command, rendered):
 
 @pytest.mark.ci
 def test_a_list_of_recipes_keeps_its_conditions(work, command, rendered, scored_quickly):
-    recipes = world_recipes(AssetStore([own_map(1, 1)], [own_shape(1, 1)]), 5, 3)
+    recipes = balanced_recipes(AssetStore([own_map(1, 1)], [own_shape(1, 1)]), 5, 3, WORLD)
     (work / "list.txt").write_text("\n".join([f"# {digest(recipes)}", *(one.to_hex() for one in recipes)]))
     assert command("evaluate", *ASSETS, "--recipes", "list.txt").status == 0
     assert [call["conditions"] for call in rendered] == [WORLD] * 4

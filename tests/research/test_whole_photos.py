@@ -19,7 +19,7 @@ from anyprobe.maps.radiance import write_exr
 from anyprobe_train.dataset.asset_store import AssetStore
 from anyprobe_train.dataset.catalog import MapAsset, ShapeAsset
 from anyprobe_train.dataset.random_shapes import lathe
-from anyprobe_train.dataset.recipe import WORLD, world_recipes
+from anyprobe_train.dataset.recipe import WORLD, balanced_recipes
 from research.world import whole as whole_command
 from research.world import whole_photos as whole
 from research.world.whole_render import Render
@@ -31,7 +31,7 @@ STORE = AssetStore(
     [MapAsset(id="0" * 8, name="map", licence="own", indoor=True, radiance=RADIANCE)],
     [ShapeAsset(id="1" * 8, name="vase", licence="own", mesh=lathe(np.random.default_rng(3), rows=12))],
 )
-RECIPES = world_recipes(STORE, 24, 7)
+RECIPES = balanced_recipes(STORE, 24, 7, WORLD)
 SCENES = [draw_scene(recipe, STORE) for recipe in RECIPES]
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import os
 import struct
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -121,37 +120,6 @@ def balanced_recipes(store: AssetStore, count: int, seed: int = 2020, conditions
 
     Only one kind of place if the maps have no other.
     """
-
-    def material(k: int, rng: np.random.Generator) -> int:
-        return k % 2 + 2 * int(rng.random() < 0.4) + 4 * int(rng.integers(2))
-
-    return _test_set(store, count, seed, conditions, 2, lambda k: k // 4, material)
-
-
-def world_recipes(store: AssetStore, count: int, seed: int) -> list[Recipe]:
-    """Draw a test set under the world's distributions: in turn KINDS, darker and brighter half, indoor/outdoor, every
-    shape; the rest at random."""
-    return _test_set(
-        store,
-        count,
-        seed,
-        WORLD,
-        MATERIAL_CHOICES,
-        lambda k: k // (2 * MATERIAL_CHOICES) + k,
-        lambda k, rng: k % MATERIAL_CHOICES,
-    )
-
-
-def _test_set(
-    store: AssetStore,
-    count: int,
-    seed: int,
-    conditions: int,
-    run: int,
-    shape: Callable[[int], int],
-    material: Callable[[int, np.random.Generator], int],
-) -> list[Recipe]:
-    """Draw `count` recipes: number k has shape shape(k) and material(k, rng), `run` in a row of one kind of place."""
     if not store.maps or not store.shapes:
         raise InputError(
             f"expected at least one map and one shape, got {len(store.maps)} and {len(store.shapes)}", source="test set"
@@ -161,12 +129,12 @@ def _test_set(
     recipes = []
     for k in range(count):
         rng = np.random.default_rng((seed, k))
-        places = by_place[bool(k // run % 2)]
+        places = by_place[bool(k // 2 % 2)]
         recipes.append(
             Recipe(
                 map_id=places[rng.integers(len(places))],
-                shape_id=shapes[shape(k) % len(shapes)],
-                material=material(k, rng),
+                shape_id=shapes[k // 4 % len(shapes)],
+                material=k % 2 + 2 * int(rng.random() < 0.4) + 4 * int(rng.integers(2)),
                 view=int(rng.integers(VIEWPOINTS)),
                 conditions=conditions,
                 seed=int.from_bytes(hashlib.sha256(f"{seed} {k}".encode()).digest()[:8], "big"),
