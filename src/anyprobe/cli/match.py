@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -39,6 +40,7 @@ def match(
     models: ModelOptions = ModelOptions(),
     out: Annotated[Path, folder_option("Folder for the results.")] = Path("match"),
     best: Annotated[int, bounded(1, 50)] = 3,
+    outdoors: Annotated[bool | None, Parameter(negative="--indoors")] = None,
     apply: Annotated[str | None, Parameter(metavar="TARGET[,TARGET...]")] = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
@@ -51,6 +53,7 @@ def match(
         photo: A photo, or - for standard input.
         folder: Folder of .hdr and .exr panoramas.
         best: Number of panoramas to write and show, up to 50.
+        outdoors: The place is outdoors, or indoors; else as the networks say.
         apply: Also export the best one, as anyprobe export does.
     """
     from anyprobe.estimate.ground import pitch_words
@@ -74,6 +77,8 @@ def match(
     estimator = models.estimator(given.segmenter)
     loaded = session.mark(shot_of(photo, given.hints()), estimator.segmenter)
     light = session.estimate(estimator, [loaded])
+    if outdoors is not None:
+        light = replace(light, outdoors=float(outdoors))
     with console.status("comparing"):
         ranked = light.match(library)
     stem, chosen = result_stem(photo, [photo]), ranked[:best]
