@@ -13,13 +13,13 @@ from torch.nn import functional as F
 
 from anyprobe.core.color import REC709
 from anyprobe.core.contract import contract
-from anyprobe.estimate.light_graph import INPUTS, OUTPUTS, graph_inputs
+from anyprobe.estimate.light_graph import INPUTS, OUTPUTS, SEEN_CONFIDENCE, graph_inputs
 from anyprobe.estimate.runtime import CONTRACT
 from anyprobe_train.light.both_ways import both_ways
 from anyprobe_train.light.drawing import power_of
-from anyprobe_train.light.given import Framed, Given, framed
+from anyprobe_train.light.given import SHORTEST, Framed, Given, framed
 from anyprobe_train.light.light_run import load_lean_net
-from anyprobe_train.light.light_views import LightViews
+from anyprobe_train.light.light_views import LightViews, given_normals
 from anyprobe_train.light.network import LeanNet, LightAnswer
 from anyprobe_train.light.shown import inverse_display
 from anyprobe_train.light.summed_up import Harmonics
@@ -29,10 +29,12 @@ TOLERANCE = 0.03
 """Largest median difference of any output from torch that weights of eight bits may cause."""
 TWO_OF_THREE = float(np.log(3.0))
 """Bound that two of three errors keep, in mean errors of a Laplace distribution."""
-BELIEVED = 0.5
-"""Share of what is seen that the map has to go on from, for it to be the place."""
 THIN = 1e-3
 """Least cover that is divided by."""
+BELIEVED = 0.5
+"""Share of what is seen that the map has to go on from, for it to be the place."""
+SHOWN_NORMALS: int = contract("sizes")["normals"]
+"""Side of the picture of the normals that are said [pixels]."""
 KNOWN_LENS_DEG = 0.5
 """Error of a field of view that is given."""
 ENOUGH: float = contract("exposure")["enough"]
@@ -78,13 +80,15 @@ class LeanGraph(nn.Module):
         crop, (inputs, beside) = framed(given), self.views(given)
         answer = both_ways(self.net, inputs)
         exposed = torch.where(inputs.crop[:, 3].amax() > 0.5, crop.well_exposed, torch.ones_like(crop.well_exposed))
-        confidence = torch.sigmoid(answer.confidence[0, 0]) * (exposed / ENOUGH).clamp(max=1.0)
         light, cover = known_light(given.panorama + (1.0 - given.panorama[3:]) * beside)
-        known = torch.maximum(given.panorama[3:], given.believe * cover)  # else the network says what it believes
+        asked = torch.maximum(given.panorama[3:], given.believe * cover).clamp(max=1.0)
         believed = torch.maximum(answer.believed[0], given.believe)
         shown = torch.maximum(given.panorama[3:], (believed > BELIEVED).float() * cover)
+        worth = torch.maximum((exposed / ENOUGH).clamp(max=1.0), shown[0])
+        confidence = torch.sigmoid(answer.confidence[0, 0]) * worth
+        confidence = confidence + asked[0] * (SEEN_CONFIDENCE - confidence)
         guess = torch.exp(answer.ln_radiance[0])
-        radiance = guess + known * (torch.maximum(light, guess * (light >= 1.0)) - guess)
+        radiance = guess + asked * (torch.maximum(light, guess * (light >= 1.0)) - guess)
         outputs = (
             radiance.permute(1, 2, 0),
             confidence,
@@ -97,7 +101,7 @@ class LeanGraph(nn.Module):
             torch.sigmoid(answer.outdoors),
             torch.stack([(believed <= BELIEVED).float(), torch.zeros_like(believed)]),
             torch.cat([light * shown, shown]).permute(1, 2, 0),
-            self._normals(answer, crop),
+            self._normals(answer, crop, given),
             self._material(answer),
             crop.crop.permute(1, 2, 0),
             torch.cat([crop.camera_from_crop.flatten(), crop.tan_half[None], crop.center]).reshape(4, 3),
@@ -132,10 +136,12 @@ class LeanGraph(nn.Module):
         steep = 2.0 * tangent / (1.0 + tangent**2) * (180.0 / math.pi)  # d degrees / d ln tangent
         return torch.stack([degrees, known * KNOWN_LENS_DEG + (1.0 - known) * steep * error])
 
-    def _normals(self, answer: LightAnswer, crop: Framed) -> torch.Tensor:
-        """Return normals over the crop in its frame, [64, 64, 3]."""
-        n = F.interpolate(answer.normals, size=(64, 64), mode="bilinear", align_corners=False)
-        turned = torch.einsum("ck,chw->hwk", crop.camera_from_crop, n[0])
+    def _normals(self, answer: LightAnswer, crop: Framed, given: Given) -> torch.Tensor:
+        """Return normals over the crop in its frame, [64, 64, 3]: the given ones where they are known."""
+        known = given_normals(given, SHOWN_NORMALS)
+        found = F.interpolate(answer.normals, size=known.shape[1:], mode="bilinear", align_corners=False)[0]
+        n = known + (known.square().sum(dim=0) < SHORTEST).float() * found
+        turned = torch.einsum("ck,chw->hwk", crop.camera_from_crop, n)
         return turned / turned.square().sum(dim=2, keepdim=True).sqrt().clamp(min=1e-6)
 
     def _material(self, answer: LightAnswer) -> torch.Tensor:

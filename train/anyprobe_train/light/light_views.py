@@ -31,7 +31,7 @@ class LightViews(nn.Module):
         longest = torch.maximum(width, height)
         known = (given.lens[1] > 0.5).float()
         half = known * given.lens[0] + (1.0 - known) * ASSUMED_TANGENT
-        some, center, side = self._square(given)
+        some, center, side = square_around(given)
         first = (width - longest) / 2.0 / k, (height - longest) / 2.0 / k
         covered_photo = torch.cat([given.photo[..., :3] * given.photo[..., 3:4], given.photo[..., 3:]], dim=2)
         rgb, cover, mask = read_photo(covered_photo, first, longest / k, PICTURE_PX).split([3, 1, 1])
@@ -51,25 +51,28 @@ class LightViews(nn.Module):
             seen=(panorama + (1.0 - covered) * seen.clamp(max=1.0))[None],
             lens=lens[None],
             up=given.up[None],
-            normals=some * self._normals(given, center, side)[None],
+            normals=given_normals(given, NORMALS_SIDE)[None],
             material=given.material[None],
             sun=given.sun[None],
         )
         return inputs, seen
 
-    def _square(self, given: Given) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-        """Return whether there is an object [], and the centre [2] and side [] of the square around it, full pixels."""
-        some, box = object_box(given)
-        box = torch.where(some > 0, box, torch.tensor([0.0, 0.0, 1.0, 1.0]))
-        return some, (box[:2] + box[2:]) / 2.0, CROP_MARGIN * (box[2:] - box[:2]).amax()
 
-    def _normals(self, given: Given, center: torch.Tensor, side: torch.Tensor) -> torch.Tensor:
-        """Return the given normals [3, 48, 48] over the square, unit or zero."""
-        _, _, _, x0, y0, step = given.geometry.unbind()
-        across = torch.ones_like(given.normals[0, 0]).sum() / (step * torch.ones_like(given.window[3, 0]).sum())
-        down = torch.ones_like(given.normals[0, :, 0]).sum() / (step * torch.ones_like(given.window[3, :, 0]).sum())
-        first = center - side / 2.0
-        start = (first[0] - x0) * across, (first[1] - y0) * down
-        mean = read_window(given.normals, start, (side * across, side * down), NORMALS_SIDE)
-        length = mean.square().sum(dim=0, keepdim=True).sqrt()
-        return mean / length.clamp(min=SHORTEST) * (length > SHORTEST).float()
+def square_around(given: Given) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    """Return whether there is an object [], and the centre [2] and side [] of the square around it, full pixels."""
+    some, box = object_box(given)
+    box = torch.where(some > 0, box, torch.tensor([0.0, 0.0, 1.0, 1.0]))
+    return some, (box[:2] + box[2:]) / 2.0, CROP_MARGIN * (box[2:] - box[:2]).amax()
+
+
+def given_normals(given: Given, size: int) -> torch.Tensor:
+    """Return the given normals [3, size, size] over the square around the object, camera frame, unit or zero."""
+    some, center, side = square_around(given)
+    _, _, _, x0, y0, step = given.geometry.unbind()
+    across = torch.ones_like(given.normals[0, 0]).sum() / (step * torch.ones_like(given.window[3, 0]).sum())
+    down = torch.ones_like(given.normals[0, :, 0]).sum() / (step * torch.ones_like(given.window[3, :, 0]).sum())
+    first = center - side / 2.0
+    start = (first[0] - x0) * across, (first[1] - y0) * down
+    mean = read_window(given.normals, start, (side * across, side * down), size)
+    length = mean.square().sum(dim=0, keepdim=True).sqrt()
+    return some * mean / length.clamp(min=SHORTEST) * (length > SHORTEST).float()
