@@ -35,12 +35,14 @@ def light_pairs(
     *,
     data: Data,
     out: Annotated[Path, Parameter(name=("--out", "-o"), help="Folder of the files.")] = Path("runs/left_out"),
-    scenes: Annotated[int, Parameter(help="Left-out scenes, two photos each."), bounded(1)] = 192,
+    part: Annotated[str, Parameter(help=f"One of {', '.join(PARTS)}.")] = "left-out",
+    scenes: Annotated[int, Parameter(help="Scenes, two photos each."), bounded(1)] = 192,
+    first: Annotated[int, Parameter(help="Number of the first scene."), bounded(0)] = 0,
 ) -> None:
-    """Render left-out scenes as the light network sees them; anyprobe-train run light scores by them."""
+    """Render scenes as the light network sees them; anyprobe-train run light scores by left-out ones."""
     from research.scenes.light_pairs import make_light_pairs
 
-    for path in make_light_pairs(data, out, scenes):
+    for path in make_light_pairs(data, out, scenes, part, first):
         print(path)
 
 

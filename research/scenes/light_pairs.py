@@ -1,4 +1,4 @@
-"""Path-traced photos of left-out maps and shapes as the light network sees them: what its weights are chosen by."""
+"""Path-traced photos as the light network sees them: what its weights are chosen by, and a part of what it learns."""
 
 from __future__ import annotations
 
@@ -69,8 +69,8 @@ def row_of(views: LightViews, photo: TakenPhoto, fov_deg: float, up: np.ndarray,
     }
 
 
-def make_light_pairs(data: Path, out: Path, scenes: int) -> Iterator[Path]:
-    """Render the first scenes of the left-out part, two photos each, into files of LightBatch's fields; yield each.
+def make_light_pairs(data: Path, out: Path, scenes: int, part: str = "left-out", first: int = 0) -> Iterator[Path]:
+    """Render scenes of a part from number `first` on, two photos each, into files of LightBatch's fields; yield each.
 
     Files that are there stay.
     """
@@ -78,18 +78,17 @@ def make_light_pairs(data: Path, out: Path, scenes: int) -> Iterator[Path]:
 
     torch.set_num_threads(1)
     drjit.set_thread_count(1)
-    part = "left-out"
     store, views = store_of(data, part), LightViews()
     known: dict[str, float] = {}
     for manifest in sorted((data / "hdri").rglob("manifest.csv")):
         with manifest.open(newline="", encoding="utf-8") as rows:
             known |= {row["slug"]: OUTDOORS.get(row["category"], np.nan) for row in csv.DictReader(rows)}
-    for start in range(0, scenes, IN_FILE):
+    for start in range(first, first + scenes, IN_FILE):
         path = out / f"{start:04d}.npz"
         if path.is_file():
             continue
         made = []
-        for number in range(start, min(start + IN_FILE, scenes)):
+        for number in range(start, min(start + IN_FILE, first + scenes)):
             family = draw_family(part, number)
             layout = draw_layout(family, part, number, store)
             outdoors = known.get(layout.map_name, np.nan) if family == "ground" else np.nan

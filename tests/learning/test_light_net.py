@@ -19,6 +19,7 @@ from anyprobe_train.light.light_run import LightRunConfig, keep_light, run_light
 from anyprobe_train.light.network import LeanNet  # noqa: E402
 from anyprobe_train.light.pictured import learned, mirrored_inputs, mirrored_truth, tensors_of  # noqa: E402
 from anyprobe_train.light.shape import ShapeNet  # noqa: E402
+from anyprobe_train.light.traced import traced_photos, with_traced  # noqa: E402
 from anyprobe_train.train.muon import MuonAndAdam, orthogonal  # noqa: E402
 
 pytestmark = pytest.mark.ci
@@ -267,6 +268,30 @@ def test_kept_weights_go_on_in_another_folder_at_their_step(tmp_path) -> None:
     name = "start.0.weight"
     moved = (new["moving"][name] - old["net"][name]).abs().max()
     assert 0 < moved < 10 * config.learning_rate
+
+
+def test_half_of_a_batch_is_path_traced_where_there_are_such_photos(tmp_path) -> None:
+    assert traced_photos(tmp_path) is None
+    for k in range(2):
+        np.savez(tmp_path / f"{k}.npz", **{one.name: getattr(batch_of(k), one.name) for one in fields(Stub)})
+    traced, world = traced_photos(tmp_path), batch_of(9)
+    assert len(traced.family) == 8
+    mixed, again = (with_traced(world, traced, 8, (7, 3)) for _ in range(2))
+    np.testing.assert_array_equal(mixed.truth, again.truth)
+    np.testing.assert_array_equal(mixed.context[:4], world.context)
+    for row in mixed.context[4:]:
+        assert any(np.array_equal(row, one) for one in traced.context)
+    assert with_traced(world, None, 4, (7, 3)) is world
+
+
+def test_the_sun_is_given_where_it_does_not_shine_too() -> None:
+    """Above the horizon, so that the network looks whether it shines."""
+    inputs, truth = tensors_of(batch_of(5))
+    truth = replace(truth, outdoors=torch.ones(4), sources=torch.zeros_like(truth.sources))
+    suns = torch.cat([learned(inputs, truth, (7, step))[0].sun for step in range(100)])
+    given = suns[suns.square().sum(dim=1) > 0]
+    assert 4 < len(given) < 60
+    assert (given @ truth.up[0] > -0.25).all()  # mirrored photos have mirrored horizons
 
 
 def test_matrices_step_by_the_nearest_orthogonal_matrix_and_all_else_as_adam_does() -> None:

@@ -184,15 +184,17 @@ def _given(inputs: LightInputs, truth: LightTruth, some: Any, normal: Any) -> Li
     is_metal = truth.material[:, :1]
     f0 = is_metal * truth.material[:, 1:] + (1 - is_metal) * 0.04
     material = torch.cat([torch.ones_like(is_metal), torch.full_like(is_metal, 0.6), reflectance, f0], dim=1)
-    sun = F.normalize(truth.sources[:, 0, 1:4] + SUN_ERROR * normal(3), dim=1)
-    is_there = (truth.sources[:, 0, 0] > 0.5) & (truth.outdoors > 0.5)
-    has_object = inputs.crop[:, 3].amax(dim=(1, 2)) > 0
+    shines = truth.sources[:, :1, 0] > 0.5
+    anywhere = normal(3)
+    anywhere = anywhere * torch.sign((anywhere * truth.up).sum(dim=1, keepdim=True))  # behind clouds or a house
+    sun = F.normalize(torch.where(shines, truth.sources[:, 0, 1:4] + SUN_ERROR * normal(3), anywhere), dim=1)
+    has_object = (inputs.crop[:, 3].amax(dim=(1, 2)) > 0) & ~torch.isnan(truth.material[:, 0])
     return replace(
         inputs,
         up=rows(some(GIVEN_UP), F.normalize(truth.up + UP_ERROR * normal(3), dim=1)),
         normals=rows(some(GIVEN_NORMALS), F.normalize(truth.normals + off, dim=1) * known),
         material=rows(some(GIVEN_MATERIAL) & has_object, material),
-        sun=rows(some(GIVEN_SUN) & is_there, sun),
+        sun=rows(some(GIVEN_SUN) & (truth.outdoors > 0.5), sun),
     )
 
 
