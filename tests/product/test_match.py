@@ -25,7 +25,7 @@ from anyprobe.match import ranking
 from anyprobe.match.background import background_of
 from anyprobe.match.library import open_library
 from anyprobe.match.likeness import MATCH_ROWS, Shown, best_places, gain_of, light_of, schlick_coat
-from anyprobe.match.ranking import shading_apart
+from anyprobe.match.ranking import log_odds, shading_apart
 
 ROOT = Path(__file__).parents[2]
 YAW, PITCH = 2.0, np.radians(20)
@@ -252,3 +252,8 @@ def test_the_command_writes_maps_a_sheet_a_list_and_an_export(folder, tmp_path, 
     assert (out / "ball_three.json").is_file()
     assert any("--pitch" in line for line in said["warnings"])
     assert "expected a folder outside the panoramas" in command(*words[:4], folder / "results").complaint
+    kinds = [json.loads(command(*words, kind).out)["matches"] for kind in ("--outdoors", "--indoors")]
+    outside, inside = ({one["file"]: one["misfit"] for one in matches} for matches in kinds)
+    gains = {name: inside[name] - outside[name] for name in outside}
+    odds = {name: float(log_odds(reduced(read_radiance(name), 64)[None])[0]) for name in gains}
+    assert max(gains, key=gains.get) == max(odds, key=odds.get)
