@@ -84,7 +84,7 @@ def match(
     stem, chosen = result_stem(photo, [photo]), ranked[:best]
     safe = {candidate.rank: re.sub(r"[^\w.-]+", "_", candidate.name)[-80:] for candidate in chosen}
     files = {rank: f"{stem}_{rank + 1}_{name}.exr" for rank, name in safe.items()}
-    warnings = [*light.warnings, *(f"left out: {fault}" for fault in library.faults)]
+    warnings = [*light.warnings, *library.warnings]
     with atomic_files(out) as scratch, console.status("writing"):
         for candidate in chosen:
             candidate.write(scratch / files[candidate.rank])

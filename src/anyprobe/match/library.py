@@ -44,6 +44,11 @@ class Library:
     levels: np.ndarray
     faults: tuple[str, ...] = ()
 
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """One line for each fault."""
+        return tuple(f"left out: {fault}" for fault in self.faults)
+
 
 def open_library(folder: str | Path) -> Library:
     """Open the library of a folder of .exr and .hdr maps, subfolders included.

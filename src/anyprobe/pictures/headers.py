@@ -4,11 +4,11 @@ import io
 from contextlib import suppress
 from importlib import import_module
 from itertools import islice
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, cast
 
 import numpy as np
 from PIL import ExifTags, Image, ImageFile
-from PIL.TiffImagePlugin import ImageFileDirectory_v2
+from PIL.TiffImagePlugin import ImageFileDirectory_v2, TiffImageFile
 
 from anyprobe.errors import InvalidPhoto, MissingExtra
 from anyprobe.notices import CHOOSE_PHOTO, USE_VIDEO, Remedy
@@ -121,8 +121,12 @@ def check_size(width: int, height: int, name: str) -> None:
 def upright_size(image: Image.Image) -> tuple[int, int]:
     """Return width and height of the picture as it is shown."""
     width, height = image.size
-    is_turned = image.format != "TIFF" and exif_of(image).get(ExifTags.Base.Orientation) in ON_ITS_SIDE
-    return (height, width) if is_turned else (width, height)  # Pillow turns the size of TIFFs, and of no others
+    if exif_of(image).get(ExifTags.Base.Orientation) not in ON_ITS_SIDE:
+        return width, height
+    if image.format == "TIFF":  # some versions of Pillow turn the size of TIFFs, and of no others
+        tags = cast(TiffImageFile, image).tag_v2
+        width, height = tags[ExifTags.Base.ImageWidth], tags[ExifTags.Base.ImageLength]
+    return height, width
 
 
 def exif_fov_deg(image: Image.Image) -> float | None:
