@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from anyprobe.core import Float
 from anyprobe.core.color import luminance
 from anyprobe.core.contract import contract
 from anyprobe.core.response import CLIPPED, inverse_response
@@ -21,9 +20,6 @@ from anyprobe.estimate.ground import (
 from anyprobe.light.harmonics import directionality, project
 from anyprobe.light.light_sources import find_dominant_light
 from anyprobe.notices import Notice, give
-
-if TYPE_CHECKING:
-    from jaxtyping import Float
 
 _EXPOSURE: dict[str, float] = contract("exposure")["doubt"]
 DARK, DARK_SHARE, _CLIPPED_SHARE = (_EXPOSURE[name] for name in ("dark", "dark_share", "clipped_share"))

@@ -7,18 +7,16 @@ refine.with_estimated_ground puts what the network sees in its place.
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
+from anyprobe.core import Float
 from anyprobe.core.camera import PinholeCamera
 from anyprobe.core.contract import contract
 from anyprobe.core.frames import rotation_x, rotation_z
 from anyprobe.errors import InputError
 from anyprobe.masks.check import object_box
-
-if TYPE_CHECKING:
-    from jaxtyping import Float
 
 GIVEN, NOTED, ESTIMATED, GUESSED = "given", "exif", "estimated", "guessed"
 KNOWN = (GIVEN, NOTED)

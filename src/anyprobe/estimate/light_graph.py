@@ -20,17 +20,14 @@ Outputs, in the camera's frame but where a name says otherwise: see Said.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from anyprobe.core import Float
 from anyprobe.core.contract import contract
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.masks.check import object_box
 from anyprobe.scatter.materials import MATERIAL_INPUTS, Material, material_input
-
-if TYPE_CHECKING:
-    from jaxtyping import Float
 
 INPUTS = ("photo", "window", "geometry", "lens", "up", "normals", "material", "panorama", "sun", "believe")
 OUTPUTS = (

@@ -8,10 +8,10 @@ level and colour at which the object, rendered with it, is as bright as its phot
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from anyprobe.core import Float
 from anyprobe.core.contract import contract
 from anyprobe.core.frames import dot, normalize, reflect
 from anyprobe.core.latlong import bilinear, corners, direction_to_uv, pixel_directions, pixel_solid_angles
@@ -27,9 +27,6 @@ from anyprobe.paper.equations import schlick_weight
 from anyprobe.render.integrate import PATCHES, shade, shading_pyramid
 from anyprobe.render.surface import pixel_rays
 from anyprobe.scatter.materials import Material
-
-if TYPE_CHECKING:
-    from jaxtyping import Float
 
 _MIRROR = contract("mirror")
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from anyprobe.core import Float
 from anyprobe.core.color import luminance
 from anyprobe.core.frames import is_rotation
 from anyprobe.core.response import response
@@ -21,9 +21,6 @@ from anyprobe.light.environment import integral, rotate
 from anyprobe.light.light_sources import LightSource, draw_sources, find_sources
 from anyprobe.light.temporal import OFFSET
 from anyprobe.notices import Notice
-
-if TYPE_CHECKING:
-    from jaxtyping import Float
 
 SHARED = 30
 """Smallest number of pixels that two windows must share to be compared."""

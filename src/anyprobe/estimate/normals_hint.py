@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from anyprobe.core import Float
 from anyprobe.core.camera import PinholeCamera
 from anyprobe.core.contract import contract
 from anyprobe.errors import InputError
@@ -18,10 +18,6 @@ from anyprobe.masks.check import object_box
 from anyprobe.masks.depth import NPY_MAGIC
 from anyprobe.pictures.headers import MAX_PIXELS
 from anyprobe.pictures.images import read_image
-
-if TYPE_CHECKING:
-    from jaxtyping import Float
-
 
 Part = tuple[slice, slice]
 """Rows and columns of a photo."""

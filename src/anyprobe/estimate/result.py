@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from anyprobe.core import Float
 from anyprobe.core.color import to_bytes
 from anyprobe.core.frames import check_pose
 from anyprobe.core.latlong import bilinear, direction_to_uv
@@ -41,8 +42,6 @@ from anyprobe.place.panorama import DRAWN_ROWS, Panorama, check_rows, compose, i
 from anyprobe.place.plate import Plate
 
 if TYPE_CHECKING:
-    from jaxtyping import Float
-
     from anyprobe.match.library import Library
     from anyprobe.match.likeness import Shown
     from anyprobe.match.ranking import MatchedMap

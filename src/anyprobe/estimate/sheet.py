@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 import unicodedata
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFilter, ImageFont
 
+from anyprobe.core import Float
 from anyprobe.core.color import to_bytes
 from anyprobe.core.latlong import direction_to_uv
 from anyprobe.core.response import response
@@ -18,9 +18,6 @@ from anyprobe.light.environment import rotate
 from anyprobe.masks.prompts import Point
 from anyprobe.place.panorama import Panorama
 from anyprobe.render.spheres import sphere_images, spheres_ev
-
-if TYPE_CHECKING:
-    from jaxtyping import Float
 
 SPHERES = {"diffuse": "matte", "silver": "satin", "mirror": "mirror"}
 """Names of materials by those of render.spheres."""
