@@ -45,7 +45,7 @@ def both_ways(net: LeanNet, inputs: LightInputs) -> LightAnswer:
     mean["places"] = torch.log((torch.exp(ours["places"]) + torch.exp(theirs["places"])) / 2.0 + 1e-12)
     mean["normals"] = F.normalize(mean["normals"], dim=1)
     drawing = net.drawing
-    mean["directions"] = drawing.directions(mean["places"])
+    mean["directions"] = drawing.directions(mean["places"], mean["density"])
     drawn = ("ln_shown", "ln_power", "density", "directions", "exists", "ln_radius", "ln_powers", "places")
     radiance, expected = drawing(*(mean[name] for name in drawn))
     return replace(LightAnswer(**mean), ln_radiance=torch.log(radiance), ln_expected=torch.log(expected))

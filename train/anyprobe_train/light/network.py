@@ -309,7 +309,7 @@ class LeanNet(nn.Module):
         places = self.drawing.places(density, slots)
         ln_power, ln_powers = ln_power - 0.5, ln_powers.unflatten(1, (SLOTS, 3)) - 1.0
         ln_radius = ln_radius + float(np.log(8.0))
-        directions = self.drawing.directions(places.detach())
+        directions = self.drawing.directions(places.detach(), density.detach())
         radiance, expected = self.drawing(ln_shown, ln_power, density, directions, exists, ln_radius, ln_powers, places)
         return LightAnswer(
             ln_shown=ln_shown,
