@@ -25,6 +25,7 @@ from anyprobe_train.dataset.pair import _painted
 from anyprobe_train.dataset.sky import direction_at, tint
 from anyprobe_train.world.covers import Cover, draw_cover
 from anyprobe_train.world.drawn_light import add_lamp, draw_place, draw_procedural_light, draw_real_light, with_lamps
+from research.scenes.parts import VariedStore
 from research.world.whole_scenes import Panel, Phone, Thing, _draw_second, _placed, _standing
 
 FAMILIES = ("ground", "table", "things", "dark", "procedural")
@@ -275,6 +276,8 @@ def _names(store: AssetStore) -> list[str]:
 
 def _place(rng: np.random.Generator, store: AssetStore) -> tuple[str, np.ndarray]:
     """Draw a place's name and its light; a tenth are procedural, a quarter have a lamp more."""
+    if isinstance(store, VariedStore):
+        return store.light(rng, "ground")
     if rng.random() < 0.1:
         return "procedural", draw_procedural_light(rng)
     asset = store.map(_names(store)[rng.integers(len(store.maps))])
@@ -284,6 +287,8 @@ def _place(rng: np.random.Generator, store: AssetStore) -> tuple[str, np.ndarray
 
 def _real_light(rng: np.random.Generator, store: AssetStore) -> tuple[str, np.ndarray]:
     """Draw a light of real maps, named by the first of them."""
+    if isinstance(store, VariedStore):
+        return store.light(rng, "real")
     names = _names(store)
     first = store.map(names[rng.integers(len(names))])
     second = store.map(names[rng.integers(len(names))])

@@ -78,7 +78,7 @@ def make_light_pairs(data: Path, out: Path, scenes: int, part: str = "left-out",
 
     torch.set_num_threads(1)
     drjit.set_thread_count(1)
-    store, views = store_of(data, part), LightViews()
+    store, views = store_of(data, part, out.parent / "world"), LightViews()
     known: dict[str, float] = {}
     for manifest in sorted((data / "hdri").rglob("manifest.csv")):
         with manifest.open(newline="", encoding="utf-8") as rows:

@@ -4,8 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from anyprobe.errors import InputError
 from anyprobe_train.dataset.asset_store import AssetStore, load_asset_store
+from anyprobe_train.dataset.catalog import normalize_map
+from anyprobe_train.world.lights import LIGHT_ROWS, draw_light
+from anyprobe_train.world.maps import Maps, open_maps
 from research.left_out import load_left_out
 
 PARTS = ("train", "left-out", "test")
@@ -14,10 +19,25 @@ OWN_SHAPES = 200
 """Shapes of our own among those that are learned from."""
 
 
-def store_of(data: Path, part: str) -> AssetStore:
-    """Return maps and shapes of a part; InputError of an unknown one."""
+class VariedStore(AssetStore):
+    """Training assets whose lights are drawn as the fast world draws them: joined, stretched, their sources moved."""
+
+    def __init__(self, store: AssetStore, lights: Maps) -> None:
+        super().__init__(store.maps.values(), store.shapes.values())
+        self.lights = lights
+
+    def light(self, rng: np.random.Generator, kind: str) -> tuple[str, np.ndarray]:
+        """Return the name of a light's first map and the light [256, 512, 3]; kind: of world.lights.draw_light."""
+        drawn = draw_light(rng, self.lights, kind)
+        radiance = drawn.sky[: 2 * LIGHT_ROWS**2].reshape(LIGHT_ROWS, 2 * LIGHT_ROWS, 3)
+        return drawn.name, normalize_map(radiance.astype(np.float32))
+
+
+def store_of(data: Path, part: str, cache: Path | None = None) -> AssetStore:
+    """Return maps and shapes of a part; InputError of an unknown one. With a cache, training lights are varied."""
     if part == "train":
-        return load_asset_store(data, "train", procedural_shapes=OWN_SHAPES)
+        store = load_asset_store(data, "train", procedural_shapes=OWN_SHAPES)
+        return store if cache is None else VariedStore(store, open_maps(data, cache, "train"))
     if part == "left-out":
         return load_left_out(data)
     if part == "test":
