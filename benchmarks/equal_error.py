@@ -102,7 +102,6 @@ class _Cell:
         truth = self.our_reference()
         theirs = rival.converge(seconds=self.effort.reference_seconds, noise=self.effort.reference_noise)
         our = ours.reach(
-            self.kind,
             self.view,
             self.material,
             reference=truth.mean,
@@ -121,9 +120,7 @@ class _Cell:
             "pixels": int(self.view.mask.sum()),
             "target": target,
             "reached": our.reached,
-            "ours_map_size": our.way.size,
-            "ours_samples": our.way.samples,
-            "ours_diffuse_samples": our.way.diffuse_samples,
+            "ours_samples": our.samples,
             "ours_s": round(our.seconds, 6),
             "ours_error": round(our.error, 5),
             "mitsuba": f"{their.integrator}, {their.sampler}",

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from anyprobe_train.dataset.reflectance import read_disc
+from anyprobe.core.latlong import corners
 from anyprobe_train.dataset.sky import tint
 
 
@@ -111,12 +111,15 @@ def lay(pattern: np.ndarray, points: np.ndarray, normals: np.ndarray, rng: np.ra
     facing /= np.maximum(facing.sum(axis=-1, keepdims=True), 1e-6)  # corners of faces without an area have no normal
     extent = float(np.exp(rng.uniform(*np.log(EXTENT))))
     starts = rng.uniform(0, 2, (3, 2)).astype(np.float32)
-    channels = range(pattern.shape[-1])
-    result = np.zeros((*points.shape[:-1], len(channels)), np.float32)
+    size, channels = pattern.shape[0], pattern.shape[-1]
+    flat = pattern.reshape(-1, channels)
+    result = np.zeros((*points.shape[:-1], channels), np.float32)
     for axis in range(3):
         along = np.delete(points, axis, axis=-1) / extent + starts[axis]
         xy = 1 - 2 * np.abs(1 - along % 2)
-        result = result + facing[:, axis, None] * np.stack(read_disc(pattern, xy, channels), axis=-1)
+        column, row = np.clip((xy.T + 1.0) * (size / 2) - 0.5, 0.0, size - 1.001)
+        read = sum(flat[index] * share[:, None] for index, share in corners(column, row, size))
+        result = result + facing[:, axis, None] * read
     return result
 
 
