@@ -317,7 +317,7 @@ def test_what_is_no_file_is_no_photo(source):
 
 PARSERS = (
     "photo encoded extra linear header exr hdr radiance attributes "
-    f"{' '.join(MESH_SUFFIXES)} gltf poses sidecar normals depth video"
+    f"{' '.join(MESH_SUFFIXES)} poses sidecar normals depth video"
 ).split()
 
 

@@ -33,7 +33,7 @@ ONLY = {
     },
     "onnxruntime": {"files"},
     "onnx": {"anyprobe_train.train"},
-    "trimesh": {"files"},
+    "trimesh": {"files", "anyprobe_train.assets"},
     "rawpy": {"pictures"},
     "OpenImageIO": {"maps"},
     "cyclopts": {"cli", "anyprobe_train.cli"},

@@ -25,7 +25,6 @@ from anyprobe.maps import image_io, radiance
 from anyprobe.masks.depth import read_depth
 from anyprobe.pictures import declared_size, images
 from anyprobe.video.clip import open_clip, read_frames
-from anyprobe_train.assets.gltf import buffer_paths, pack_glb, read_gltf
 
 CASES = Path(__file__).parents[1] / "product/cases"
 
@@ -186,17 +185,6 @@ def mesh(suffix: str) -> list[bytes]:
     return [one if isinstance(one, bytes) else one.encode() for one in found]
 
 
-def gltfs() -> list[bytes]:
-    data = instanced_glb(2, uri="data.bin")
-    return [data[20 : 20 + int.from_bytes(data[12:16], "little")]]
-
-
-def pack(data: bytes) -> None:
-    document = read_gltf(data, "m")
-    buffers = {name: bytes(36) for name in buffer_paths(document)}
-    pack_glb(document, buffers, "m")
-
-
 def pose_files() -> list[bytes]:
     turn = np.eye(4).tolist()
     frames = [{"file_path": f"{k}.png", "transform_matrix": turn, "fl_x": 900} for k in range(2)]
@@ -277,7 +265,6 @@ PARSERS: dict[str, tuple[Callable[[], list[bytes]], Callable[[bytes], object]]] 
     "radiance": (lambda: exrs() + hdrs(), lambda data: radiance.read_linear(data, 1_000_000)),
     "attributes": (lambda: exrs() + hdrs(), by_path(".exr", radiance.map_attributes)),
     **{suffix: (partial(mesh, suffix), by_path(suffix, objects.read_mesh)) for suffix in objects.MESH_SUFFIXES},
-    "gltf": (gltfs, pack),
     "poses": (pose_files, read_all_poses),
     "sidecar": (sidecars, load_sidecar),
     "normals": (lambda: arrays()[:1], by_path(".npy", lambda path: read_normals(path, (8, 9)))),

@@ -10,8 +10,10 @@ asset's files by resolution and format, each with address, size and MD5.
 from __future__ import annotations
 
 import hashlib
+import io
 import os
 import re
+import urllib.parse
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -19,9 +21,9 @@ from pathlib import Path
 
 from anyprobe.errors import AnyprobeError, InputError
 from anyprobe.files.atomic import atomic_path
+from anyprobe.files.objects import read_mesh
 from anyprobe.maps.radiance import read_radiance
 from anyprobe_train.assets.download import Client, DownloadError, RemoteFile, ServerBusy, Watch, md5_of
-from anyprobe_train.assets.gltf import buffer_paths, pack_glb, read_gltf
 from anyprobe_train.assets.manifest import Manifest
 
 API = "https://api.polyhaven.com"
@@ -180,12 +182,11 @@ class Library:
         if same and row.get("upstream_md5") == upstream:
             return self._complete(manifest, {**row, "files_hash": asset.files_hash}, old, target, split)
 
-        parts = self._download(sources, asset.slug, watch)
-        body = parts[""] if is_map else _pack(parts, asset.slug)
+        parts = {path: self.client.download(remote, watch) for path, remote in sources.items()}
+        body = parts[""] if is_map else _packed(parts)
         with atomic_path(target) as temporary:
             temporary.write_bytes(body)
-            if is_map:
-                _check_map(temporary, target.name)
+            _check(temporary, target.name)
             manifest.put(new | {"md5": md5_of(body)})  # before the rename: no file without its licence
         if whole and old != target:
             old.unlink()
@@ -198,14 +199,6 @@ class Library:
             os.replace(old, target)
         manifest.put({**row, "file": f"{split}/{target.name}", "split": split})
         return "complete", 0
-
-    def _download(self, sources: dict[str, RemoteFile], slug: str, watch: Watch) -> dict[str, bytes]:
-        """Fetch the files of an asset; of a glTF, only those with triangles."""
-        parts: dict[str, bytes] = {}
-        for path, remote in sources.items():
-            if not path or path in buffer_paths(read_gltf(parts[""], slug)):
-                parts[path] = self.client.download(remote, watch)
-        return parts
 
 
 def _sources(files: dict, kind: str, library: Library) -> dict[str, RemoteFile]:
@@ -236,18 +229,22 @@ def _pixels(resolution: str) -> int:
     return int(resolution.removesuffix("k"))
 
 
-def _pack(parts: dict[str, bytes], name: str) -> bytes:
-    document = read_gltf(parts[""], name)
-    missing = [path for path in buffer_paths(document) if path not in parts]
-    if missing:
-        raise DownloadError(f"its glTF needs {', '.join(missing)}, which the API does not list")
-    return pack_glb(document, parts, name)
+def _packed(parts: dict[str, bytes]) -> bytes:
+    """Make one GLB of a glTF and the buffers beside it: triangles and where they are, without normals and materials."""
+    import trimesh
 
-
-def _check_map(path: Path, name: str) -> None:
-    """Refuse a map that training would refuse."""
+    beside = {urllib.parse.quote(path): body for path, body in parts.items()} | parts
+    given = {"file_type": "gltf", "resolver": beside, "process": False, "skip_materials": True}
     try:
-        read_radiance(path)
+        return trimesh.load_scene(io.BytesIO(parts[""]), **given).export(file_type="glb", include_normals=False)
+    except Exception as error:  # trimesh raises whatever its parsers raise
+        raise DownloadError(f"its glTF and its buffers do not fit together ({error!r})") from error
+
+
+def _check(path: Path, name: str) -> None:
+    """Refuse a map or a mesh that training would refuse."""
+    try:
+        (read_mesh if path.suffix == ".glb" else read_radiance)(path)
     except InputError as error:
         raise DownloadError(f"as published, but {str(error).replace(path.name, name)}") from error
 
