@@ -24,7 +24,7 @@ from anyprobe_train.dataset.catalog import normalize_map
 from anyprobe_train.dataset.pair import _painted
 from anyprobe_train.dataset.sky import direction_at, tint
 from anyprobe_train.world.covers import Cover, draw_cover
-from anyprobe_train.world.drawn_light import add_lamp, draw_place, draw_procedural_light, draw_real_light, with_lamps
+from research.scenes.drawn_light import add_lamp, draw_place, draw_procedural_light, draw_real_light, with_lamps
 from research.scenes.parts import VariedStore
 from research.world.whole_scenes import Panel, Phone, Thing, _draw_second, _placed, _standing
 
