@@ -191,7 +191,7 @@ MOST_SIDE = 4096
 
 
 def _stored(name: str) -> Mesh:
-    """Read an object of objects.npz, which anyprobe_train.dataset.random_shapes writes."""
+    """Read an object of objects.npz, which integrations/write_objects.py writes."""
     with np.load(Path(__file__).with_suffix(".npz")) as file:
         mesh = make_mesh(file[name], file[f"{name} faces"], name)
         normals = file.get(f"{name} normals")

@@ -1,22 +1,14 @@
-"""Families of random shapes, each a closed surface over a latitude-longitude grid, and the objects to insert.
-
-    python -m anyprobe_train.dataset.random_shapes
-
-writes those objects, four members of the families, into the package.
-"""
+"""Families of random shapes, each a closed surface over a latitude-longitude grid."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from itertools import product
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-import anyprobe
 from anyprobe.core.frames import normalize, rotation_y
-from anyprobe.render.mesh import Mesh, make_mesh
+from anyprobe.render.mesh import Mesh
 from anyprobe.render.shapes import grid_mesh, sphere_grid
 
 GOLDEN = (1 + 5**0.5) / 2
@@ -124,37 +116,3 @@ def rounded_polyhedron(rng: np.random.Generator, rows: int = 80) -> Mesh:
     g, normals = _gauge(planes, np.concatenate([d.reshape(-1, 3), poles]), power)
     mesh = grid_mesh(d / g[:-2].reshape(d.shape[:2])[..., None], 180.0, poles / g[-2:, None])
     return replace(mesh, normals=normalize(normals)[mesh.faces].astype(np.float32))
-
-
-BASE = 0.08
-"""Height at which the vase's rounded foot is cut off so that it stands, as a share of the vase's height."""
-
-
-def _vase() -> Mesh:
-    mesh = lathe(np.random.default_rng(0), rows=72)
-    positions = mesh.positions.copy()
-    low, high = positions[:, 1].min(), positions[:, 1].max()
-    positions[:, 1] = np.maximum(positions[:, 1], low + BASE * (high - low))
-    return make_mesh(positions, mesh.faces, "vase")
-
-
-def write_objects(path: Path) -> None:
-    """Write the objects of files.objects: by name positions [V, 3], faces [F, 3], and the normals at vertices of the
-    one whose edges are rounder than its grid shows."""
-    solid = rounded_polyhedron(np.random.default_rng(4), rows=64)
-    meshes = {
-        "vase": _vase(),
-        "pebble": blob(np.random.default_rng(7), rows=56),
-        "block": superquadric(np.random.default_rng(2), rows=56),
-        "solid": solid,
-    }
-    arrays: dict[str, Any] = {name: mesh.positions for name, mesh in meshes.items()}
-    arrays |= {f"{name} faces": mesh.faces.astype(np.uint16) for name, mesh in meshes.items()}
-    normals = np.empty_like(solid.positions)
-    normals[solid.faces] = solid.normals
-    arrays["solid normals"] = normals
-    np.savez_compressed(path, **arrays)
-
-
-if __name__ == "__main__":
-    write_objects(Path(anyprobe.__file__).parent / "files" / "objects.npz")
