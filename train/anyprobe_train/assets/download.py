@@ -42,10 +42,9 @@ MAX_BACKOFF_S = 60.0
 MAX_WAIT_S = 300.0
 """A server that asks for more patience than this is left alone: ServerBusy."""
 
-MAX_JSON_BYTES = 64 * 2**20
+MAX_BYTES = 2**30
+"""Most that is read of a file whose size nobody says."""
 CHUNK_BYTES = 2**16
-
-Watch = Callable[[int, int | None], None]
 
 
 class DownloadError(AnyprobeError):
@@ -73,6 +72,16 @@ class RemoteFile:
     size: int | None = None
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Outcome:
+    """Status of a file: fetched, complete (it was there), kept (a file of the user's), cannot be had, or failed; and
+    why."""
+
+    name: str
+    status: str
+    why: str = ""
+
+
 class Client:
     """Fetches JSON and files, never two at once; `say` hears why it waits."""
 
@@ -88,14 +97,8 @@ class Client:
             DownloadError: there is none, or the server does not answer.
         """
 
-        def attempt() -> bytes:
-            with self._open(url) as response:
-                return response.read(MAX_JSON_BYTES + 1)
-
-        body = self._patiently(url, attempt)
+        body = self._patiently(RemoteFile(url=url, md5=""))
         try:
-            if len(body) > MAX_JSON_BYTES:
-                raise ValueError
             answer = json.loads(body)
         except (ValueError, RecursionError):
             answer = None
@@ -106,38 +109,29 @@ class Client:
             )
         return answer
 
-    def download(self, remote: RemoteFile, watch: Watch = lambda done, total: None) -> bytes:
+    def download(self, remote: RemoteFile) -> bytes:
         """Return a file, whose MD5 agrees.
 
         Raises:
             DownloadError: it cannot be had, or has the wrong MD5 twice.
         """
-        mismatches = 0
-
-        def attempt() -> bytes:
-            nonlocal mismatches
-            body = self._transfer(remote, watch)
+        for _ in range(2):
+            body = self._patiently(remote)
             found = md5_of(body)
-            if found != remote.md5:
-                mismatches += 1
-                trouble = f"expected MD5 {remote.md5}, got {found}"
-                if mismatches == 2:
-                    raise DownloadError(f"{remote.url}: {trouble}, twice; tell the publisher")
-                raise _Transient(trouble)
-            return body
+            if found == remote.md5:
+                return body
+        raise DownloadError(f"{remote.url}: expected MD5 {remote.md5}, got {found}, twice; tell the publisher")
 
-        return self._patiently(remote.url, attempt)
-
-    def _transfer(self, remote: RemoteFile, watch: Watch) -> bytes:
+    def _transfer(self, remote: RemoteFile) -> bytes:
         body = bytearray()
         with self._open(remote.url) as response:
             length = response.headers.get("Content-Length", "")
             total = int(length) if remote.size is None and length.isdecimal() else remote.size
-            while (total is None or len(body) <= total) and (chunk := response.read1(CHUNK_BYTES)):
+            most = MAX_BYTES if total is None else total
+            while len(body) <= most and (chunk := response.read1(CHUNK_BYTES)):
                 body += chunk
-                watch(len(body), total)
-        if total is not None and len(body) > total:
-            raise DownloadError(f"{remote.url}: expected {total} bytes, got more; tell the publisher")
+        if len(body) > most:
+            raise DownloadError(f"{remote.url}: expected at most {most} bytes, got more; tell the publisher")
         if total is not None and len(body) < total:
             raise _Transient(f"the connection ended after {len(body)} of {total} bytes")
         return bytes(body)
@@ -170,25 +164,26 @@ class Client:
         finally:
             self._free_at = time.monotonic() + self._pause_s
 
-    def _patiently(self, url: str, attempt: Callable[[], bytes]) -> bytes:
+    def _patiently(self, remote: RemoteFile) -> bytes:
         """Try until it works, at most ATTEMPTS times."""
         failures = 0
         while True:
             try:
-                return attempt()
+                return self._transfer(remote)
             except _Transient as trouble:
                 failures += 1
                 if failures == ATTEMPTS:
-                    raise DownloadError(f"{url}: {trouble}, {ATTEMPTS} times in a row; try later") from trouble
+                    text = f"{remote.url}: {trouble}, {ATTEMPTS} times in a row; try later"
+                    raise DownloadError(text) from trouble
                 wait_s = trouble.wait_s
                 if wait_s is None:
                     wait_s = min(BACKOFF_S * 2 ** (failures - 1), MAX_BACKOFF_S)
                 if wait_s > MAX_WAIT_S:
                     raise ServerBusy(
-                        f"{url}: {trouble}, and the server asks to wait {wait_s:.0f} s; "
+                        f"{remote.url}: {trouble}, and the server asks to wait {wait_s:.0f} s; "
                         "run the same command then, it goes on where it stopped"
                     ) from trouble
-                self._say(f"{url}: {trouble}; again in {wait_s:.0f} s")
+                self._say(f"{remote.url}: {trouble}; again in {wait_s:.0f} s")
                 time.sleep(wait_s)
 
 

@@ -23,7 +23,7 @@ from anyprobe.errors import AnyprobeError, InvalidEnvironment, InvalidMesh
 from anyprobe.files.atomic import atomic_path
 from anyprobe.maps.exr import read_exr
 from anyprobe.maps.radiance import decode_hdr
-from anyprobe_train.assets.download import Client, DownloadError, RemoteFile, ServerBusy
+from anyprobe_train.assets.download import Client, DownloadError, Outcome, RemoteFile, ServerBusy
 from anyprobe_train.assets.manifest import Manifest
 from anyprobe_train.dataset.recipe import digest, read_recipes
 from anyprobe_train.evaluate.scoring import FROZEN
@@ -70,22 +70,13 @@ class FrozenFile:
         return f"{self.repository}: {self.path}"
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class FileOutcome:
-    """Status of a file: fetched, complete (it was there), cannot be had, or failed."""
-
-    file_row: FrozenFile
-    status: str
-    error: str = ""
-
-
 def frozen_files(table: Path = TABLE) -> list[FrozenFile]:
     """Every row of the table."""
     with table.open(newline="", encoding="utf-8") as stream:
         return [FrozenFile(**row) for row in csv.DictReader(stream)]
 
 
-def fetch_all(files: list[FrozenFile], to: Path, client: Client, host: str = HOST) -> Iterator[FileOutcome]:
+def fetch_all(files: list[FrozenFile], to: Path, client: Client, host: str = HOST) -> Iterator[Outcome]:
     """Make each file in turn, and say what became of it; then write the recipes that the files suffice for.
 
     Raises:
@@ -103,12 +94,13 @@ def fetch_all(files: list[FrozenFile], to: Path, client: Client, host: str = HOS
         temporary.write_text("\n".join(lines) + "\n", encoding="ascii")
 
 
-def _fetch(one: FrozenFile, to: Path, client: Client, host: str) -> FileOutcome:
+def _fetch(one: FrozenFile, to: Path, client: Client, host: str) -> Outcome:
     target = to / one.file
     if target.is_file() and hashlib.sha256(target.read_bytes()).hexdigest() == one.sha256:
-        return FileOutcome(file_row=one, status="complete")
+        return Outcome(name=one.file, status="complete")
     if not one.md5:
-        return FileOutcome(file_row=one, status="cannot be had")
+        why = f"prepared by software that was not recorded, from {one.source}"
+        return Outcome(name=one.file, status="cannot be had", why=why)
     url = host.rstrip("/") + one.url_path
     try:
         data = client.download(RemoteFile(url=url, md5=one.md5))
@@ -128,8 +120,8 @@ def _fetch(one: FrozenFile, to: Path, client: Client, host: str) -> FileOutcome:
     except ServerBusy:
         raise
     except AnyprobeError as error:
-        return FileOutcome(file_row=one, status="failed", error=str(error))
-    return FileOutcome(file_row=one, status="fetched")
+        return Outcome(name=one.file, status="failed", why=str(error))
+    return Outcome(name=one.file, status="fetched")
 
 
 def _make_map(one: FrozenFile, data: bytes, target: Path) -> None:

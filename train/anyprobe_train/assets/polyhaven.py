@@ -23,7 +23,7 @@ from anyprobe.errors import AnyprobeError, InputError
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.objects import read_mesh
 from anyprobe.maps.radiance import read_radiance
-from anyprobe_train.assets.download import Client, DownloadError, RemoteFile, ServerBusy, Watch, md5_of
+from anyprobe_train.assets.download import Client, DownloadError, Outcome, RemoteFile, ServerBusy, md5_of
 from anyprobe_train.assets.manifest import Manifest
 
 API = "https://api.polyhaven.com"
@@ -50,17 +50,6 @@ class Asset:
     @property
     def source(self) -> str:
         return PAGE + self.slug
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Outcome:
-    """Status of an asset: fetched, complete (it was there), kept (a file of the user's) or failed."""
-
-    asset: Asset
-    split: str
-    status: str
-    num_bytes: int = 0
-    error: str = ""
 
 
 def list_assets(client: Client, kind: str, api: str = API) -> list[Asset]:
@@ -134,22 +123,20 @@ class Library:
             kind: Manifest(Path(self.root) / name / "manifest.csv", COLUMNS) for kind, name in FOLDERS.items()
         }
 
-    def fetch(self, asset: Asset, watch: Watch = lambda done, total: None) -> Outcome:
+    def fetch(self, asset: Asset) -> Outcome:
         """Bring one asset into the folder.
 
         Raises:
             ServerBusy: ask for no other asset either.
         """
-        split = split_of(asset.slug, self.test_share)
         try:
-            status, num_bytes = self._fetch(asset, split, watch)
+            return Outcome(name=asset.slug, status=self._fetch(asset, split_of(asset.slug, self.test_share)))
         except ServerBusy:
             raise
         except AnyprobeError as error:
-            return Outcome(asset=asset, split=split, status="failed", error=str(error))
-        return Outcome(asset=asset, split=split, status=status, num_bytes=num_bytes)
+            return Outcome(name=asset.slug, status="failed", why=str(error))
 
-    def _fetch(self, asset: Asset, split: str, watch: Watch) -> tuple[str, int]:
+    def _fetch(self, asset: Asset, split: str) -> str:
         manifest = self.manifests[asset.kind]
         folder = manifest.path.parent
         is_map = asset.kind == "hdris"
@@ -158,7 +145,7 @@ class Library:
         row = manifest.row(asset.source)
         old = folder / row["file"] if row else target
         if manifest.has_other(asset.source, asset.slug) or (row is None and target.is_file()):
-            return "kept", 0
+            return "kept"
         whole = row is not None and old.is_file() and md5_of(old.read_bytes()) == row.get("md5")
         same = whole and old.suffix == target.suffix and row.get("resolution", "") == resolution
         if same and asset.files_hash and row.get("files_hash") == asset.files_hash:
@@ -182,7 +169,7 @@ class Library:
         if same and row.get("upstream_md5") == upstream:
             return self._complete(manifest, {**row, "files_hash": asset.files_hash}, old, target, split)
 
-        parts = {path: self.client.download(remote, watch) for path, remote in sources.items()}
+        parts = {path: self.client.download(remote) for path, remote in sources.items()}
         body = parts[""] if is_map else _packed(parts)
         with atomic_path(target) as temporary:
             temporary.write_bytes(body)
@@ -190,15 +177,15 @@ class Library:
             manifest.put(new | {"md5": md5_of(body)})  # before the rename: no file without its licence
         if whole and old != target:
             old.unlink()
-        return "fetched", sum(map(len, parts.values()))
+        return "fetched"
 
-    def _complete(self, manifest: Manifest, row: dict, old: Path, target: Path, split: str) -> tuple[str, int]:
+    def _complete(self, manifest: Manifest, row: dict, old: Path, target: Path, split: str) -> str:
         """Leave the file as it is, or move it to the split it now belongs to."""
         if old != target:
             target.parent.mkdir(parents=True, exist_ok=True)
             os.replace(old, target)
         manifest.put({**row, "file": f"{split}/{target.name}", "split": split})
-        return "complete", 0
+        return "complete"
 
 
 def _sources(files: dict, kind: str, library: Library) -> dict[str, RemoteFile]:

@@ -6,21 +6,19 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
 from rich.console import Console
-from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TransferSpeedColumn
 from rich.table import Table
 
 from anyprobe.cli.app import new_app, print_table
 from anyprobe.cli.options import bounded
 from anyprobe.errors import InputError
 from anyprobe_train.assets import frozen_set, polyhaven
-from anyprobe_train.assets.download import PAUSE_S, Client, ServerBusy
-
-STATUSES = ("fetched", "complete", "kept", "failed", "not tried")
+from anyprobe_train.assets.download import PAUSE_S, Client, Outcome, ServerBusy
 
 app = new_app("Download maps and shapes.", name="data")
 
@@ -45,36 +43,29 @@ def fetch(
 ) -> None:
     """Fetch CC0 maps and models of polyhaven.com; run again to go on, what is complete is not asked for twice."""
     talk = Console(stderr=True, markup=False, emoji=False, highlight=False)
-    description = TextColumn("{task.description}", markup=False)
-    columns = (description, BarColumn(), DownloadColumn(), TransferSpeedColumn())
-    with Progress(*columns, console=talk, transient=True, disable=not talk.is_terminal) as progress:
-        client = Client(pause_s=pause, say=lambda text: progress.console.print(text, soft_wrap=True))
-        api = api or polyhaven.API
-        kinds = [one for one in polyhaven.FOLDERS if kind in (one, "all")]
-        chosen: list[polyhaven.Asset] = []
-        for one in kinds:
-            listed = polyhaven.list_assets(client, one, api)
-            try:
-                matching = polyhaven.choose(listed, category or ())
-            except InputError:
-                if len(kinds) == 1 or (one == kinds[-1] and not chosen):
-                    raise
-                continue  # a category of maps only, or of models only
-            chosen += matching[: limit or None]
-            more = "" if len(matching) <= (limit or len(matching)) else "; --limit 0 for all"
-            talk.print(f"{one}: {min(limit or len(matching), len(matching))} of {len(matching)}{more}")
-        if dry_run:
-            _list(chosen, split)
-            return
-        library = polyhaven.Library(to, client, api=api, resolution=resolution, map_format=map_format, test_share=split)
-        outcomes, stopped = _fetch_all(library, chosen, progress)
-    _report(outcomes, chosen, talk, to)
-    for one in outcomes:
-        if one.status == "failed":
-            talk.print(f"anyprobe: {one.asset.slug}: {' '.join(one.error.splitlines())}", soft_wrap=True)
-    if stopped:
-        talk.print(f"anyprobe: {stopped}", soft_wrap=True)
-    if stopped or any(one.status == "failed" for one in outcomes):
+    client = Client(pause_s=pause, say=lambda text: talk.print(text, soft_wrap=True))
+    api = api or polyhaven.API
+    kinds = [one for one in polyhaven.FOLDERS if kind in (one, "all")]
+    chosen: list[polyhaven.Asset] = []
+    for one in kinds:
+        listed = polyhaven.list_assets(client, one, api)
+        try:
+            matching = polyhaven.choose(listed, category or ())
+        except InputError:
+            if len(kinds) == 1 or (one == kinds[-1] and not chosen):
+                raise
+            continue  # a category of maps only, or of models only
+        chosen += matching[: limit or None]
+        more = "" if len(matching) <= (limit or len(matching)) else "; --limit 0 for all"
+        talk.print(f"{one}: {min(limit or len(matching), len(matching))} of {len(matching)}{more}")
+    if dry_run:
+        _list(chosen, split)
+        return
+    library = polyhaven.Library(to, client, api=api, resolution=resolution, map_format=map_format, test_share=split)
+    is_whole = _report(map(library.fetch, chosen), len(chosen), talk)
+    manifests = ", ".join(str(to / polyhaven.FOLDERS[one] / "manifest.csv") for one in kinds)
+    talk.print(f"Powered by Poly Haven (https://polyhaven.com), CC0; authors: {manifests}", soft_wrap=True)
+    if not is_whole:
         sys.exit(2)
 
 
@@ -89,43 +80,26 @@ def fetch_test(
     """Fetch what can be had of the frozen test set's maps and shapes; run again to go on."""
     talk = Console(stderr=True, markup=False, emoji=False, highlight=False)
     client = Client(pause_s=pause, say=lambda text: talk.print(text, soft_wrap=True))
-    counts: Counter[str] = Counter()
-    try:
-        for one in frozen_set.fetch_all(frozen_set.frozen_files(), to, client, host):
-            counts[one.status] += 1
-            reason = f": {' '.join(one.error.splitlines())}" if one.error else ""
-            if one.status == "cannot be had":
-                reason = f": prepared by software that was not recorded, from {one.file_row.source}"
-            talk.print(f"{one.file_row.file}: {one.status}{reason}", soft_wrap=True)
-    except ServerBusy as error:
-        talk.print(f"anyprobe: {error}", soft_wrap=True)
-        sys.exit(2)
-    talk.print(", ".join(f"{count} {status}" for status, count in counts.items()), soft_wrap=True)
-    if counts["failed"]:
+    files = frozen_set.frozen_files()
+    if not _report(frozen_set.fetch_all(files, to, client, host), len(files), talk):
         sys.exit(2)
     print(to / frozen_set.RECIPES)
 
 
-def _fetch_all(library: polyhaven.Library, chosen: list, progress: Progress) -> tuple[list, str]:
-    """Every asset in turn; what happened to each, and why it stopped before the end, if it did."""
-    outcomes: list[polyhaven.Outcome] = []
-    for index, asset in enumerate(chosen, 1):
-        place = f"{index}/{len(chosen)} {asset.slug}"
-        task = progress.add_task(place, total=None)
-
-        def watch(done: int, total: int | None, task=task) -> None:
-            progress.update(task, completed=done, total=total)
-
-        try:
-            outcome = library.fetch(asset, watch)
-        except ServerBusy as error:
-            return outcomes, str(error)
-        finally:
-            progress.remove_task(task)
-        outcomes.append(outcome)
-        if progress.disable:
-            progress.console.print(f"{place}: {outcome.status}", soft_wrap=True)
-    return outcomes, ""
+def _report(outcomes: Iterable[Outcome], count: int, talk: Console) -> bool:
+    """Say what becomes of each of so many files, and in the end of all; return whether none failed or was left."""
+    counts: Counter[str] = Counter()
+    try:
+        for number, one in enumerate(outcomes, 1):
+            counts[one.status] += 1
+            why = " ".join(one.why.splitlines())
+            said = f"{number}/{count} {one.name}: {one.status}{why and f': {why}'}"
+            talk.print(f"anyprobe: {one.name}: {why}" if one.status == "failed" else said, soft_wrap=True)
+    except ServerBusy as error:
+        talk.print(f"anyprobe: {error}", soft_wrap=True)
+        counts["not tried"] = count - counts.total()
+    talk.print(", ".join(f"{some} {status}" for status, some in counts.items()), soft_wrap=True)
+    return not counts["failed"] and "not tried" not in counts
 
 
 def _list(chosen: list, share: float) -> None:
@@ -135,19 +109,3 @@ def _list(chosen: list, share: float) -> None:
     show = Console(markup=False, emoji=False, highlight=False)
     print_table(show, table)
     show.print(f"Nothing fetched. Powered by Poly Haven, {polyhaven.LICENCE}", soft_wrap=True)
-
-
-def _report(outcomes: list, chosen: list, talk: Console, to: Path) -> None:
-    """Print counts by type and split, and where the licences are written."""
-    rows = [(one.asset.kind, one.split, one.status, one.num_bytes) for one in outcomes]
-    rows += [(one.kind, "", "not tried", 0) for one in chosen[len(outcomes) :]]
-    counts = Counter((kind, split, status) for kind, split, status, _ in rows)
-    shown = [status for status in STATUSES if any(status == one[2] for one in rows)]
-    table = Table("type", "split", *shown, "MB received", box=None, pad_edge=False)
-    for kind, split in dict.fromkeys(sorted((one[0], one[1]) for one in rows)):
-        received = sum(one[3] for one in rows if one[:2] == (kind, split)) / 1e6
-        table.add_row(kind, split, *(str(counts[kind, split, status]) for status in shown), f"{received:.1f}")
-    print_table(talk, table)
-    kinds = dict.fromkeys(kind for kind, *_ in rows)
-    manifests = ", ".join(str(to / polyhaven.FOLDERS[kind] / "manifest.csv") for kind in kinds)
-    talk.print(f"Powered by Poly Haven (https://polyhaven.com), CC0; authors: {manifests}", soft_wrap=True)
