@@ -45,7 +45,7 @@ def traced(world: World, family: str, number: int) -> Traced:
     layout = draw_layout(rng, family, view, light, world.maps, [])
     for panel in layout.panels:
         panel.albedo = np.tile(panel.albedo.mean(axis=(0, 1)), (2, 2, 1)).astype(np.float32)
-    return trace(world.maps, family, layout, view, rng, plain=True)
+    return trace(world.maps, family, layout, view, rng, painted_share=0.0)
 
 
 def as_layout(world: World, family: str, one: Traced) -> layouts.Layout:

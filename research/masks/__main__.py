@@ -26,7 +26,9 @@ def masks(
     photos: Annotated[
         list[Path] | None, Parameter(help="Folder of photos NAME.* with NAME_mask.png beside them; repeatable.")
     ] = None,
-    data: Annotated[Path | None, Parameter(help="Folder with hdri/test and meshes/test to render scenes of.")] = None,
+    data: Annotated[
+        Path | None, Parameter(help="Folder with hdri/train and meshes/train, of whose left-out assets scenes are.")
+    ] = None,
     scenes: Annotated[int, Parameter(help="Scenes to render."), bounded(1)] = 60,
     seed: Annotated[int, Parameter(help="Seed of the rendered scenes.")] = 7,
     segmenter: Annotated[
@@ -40,10 +42,11 @@ def masks(
     """Print IoU by object, its means and medians, and how many of the bad and good masks come with a warning."""
     sets: dict[str, list[Case]] = {folder.name: list(photo_cases(folder)) for folder in photos or []}
     if data is not None:
-        from anyprobe_train.dataset.asset_store import load_asset_store
+        from anyprobe_train.world.batch import World
         from research.masks.scenes import rendered_cases
 
-        sets["scenes"] = list(rendered_cases(load_asset_store(data, "test", commercial_only=False), scenes, seed))
+        world = World.open(data, Path("runs/world"), maps="left-out", shapes="left-out")
+        sets["scenes"] = list(rendered_cases(world, scenes, seed))
     if not any(sets.values()):
         raise InputError("research.masks: expected --photos DIR or --data DIR with something in it, got nothing")
     ways = {"anyprobe": None} | {name: load_network(name) for name in segmenter or []}

@@ -28,9 +28,6 @@ from research.masks.scoring import BAD, GOOD
 GROUPS = 6
 """Groups of scenes; the two objects of a cluttered picture are of one."""
 
-MAPS, SHAPES = 40, 24
-"""Assets that scenes are rendered of."""
-
 BESIDE = 0.1
 """Largest distance of a wrong click from the object, in its longer side."""
 
@@ -66,15 +63,10 @@ def _share(warned: np.ndarray) -> str:
 
 def photos_asked(data: Path, scenes: int, clutter: int, seed: int) -> Iterator[list[Case]]:
     """The objects of one photo that are meant."""
-    from anyprobe_train.dataset.asset_store import AssetStore, load_asset_store
+    from anyprobe_train.world.batch import World
     from research.masks.scenes import rendered_cases
 
-    store, rng = load_asset_store(data, "train", extra=False), np.random.default_rng(seed)
-    maps, shapes = (
-        [assets[k] for k in rng.choice(len(assets), count, replace=False)]
-        for assets, count in ((list(store.maps.values()), MAPS), (list(store.shapes.values()), SHAPES))
-    )
-    drawn = list(rendered_cases(AssetStore(maps, shapes), scenes, seed))
+    drawn = list(rendered_cases(World.open(data, Path("runs/world")), scenes, seed))
     for group in range(GROUPS):
         mine = drawn[group::GROUPS]
         yield from ([case] for case in mine)

@@ -1,9 +1,9 @@
 """Draw docs/masks.png: what is found when nothing, a click, two clicks or a box is told.
 
-    python -m research.masks.draw
+    python -m research.masks.draw --data DATA
 
-Scenes of our own shapes under our own maps that no training has seen; the upper row is what was
-given, the lower one what `anyprobe mask` shows.
+Photos of the fast world in scenes that no training has seen; the upper row is what was given, the lower one what
+`anyprobe mask` shows.
 """
 
 from __future__ import annotations
@@ -20,12 +20,11 @@ from anyprobe.core.color import to_bytes
 from anyprobe.estimate.sheet import draw_overlay
 from anyprobe.masks.find import find_mask
 from anyprobe.pictures.images import read_image
-from anyprobe_train.dataset.asset_store import load_asset_store
-from anyprobe_train.mask_network.composites import draw_scene
 from anyprobe_train.mask_network.examples import cover_box, unasked_target
-from anyprobe_train.mask_network.foregrounds import TexturePool, ViewSource
+from anyprobe_train.mask_network.scenes import draw_scene, photograph
+from anyprobe_train.world.batch import World
 
-SIZE = 480
+SIZE = 320
 TILE = 240
 GAP = 6
 SEED = 77
@@ -35,22 +34,25 @@ SEED = 77
 SHEET = Path(__file__).parents[2] / "docs" / "masks.png"
 
 
-def main(*, path: Annotated[Path, Parameter(name="-o", help="The sheet.")] = SHEET) -> None:
-    """Render scenes, ask four ways, write the sheet."""
+def main(
+    *,
+    data: Annotated[Path, Parameter(help="Folder with hdri/train and meshes/train.")],
+    path: Annotated[Path, Parameter(name="-o", help="The sheet.")] = SHEET,
+) -> None:
+    """Photograph scenes, ask four ways, write the sheet."""
     rng = np.random.default_rng(SEED)
-    store = load_asset_store(None, "test", procedural_maps=4, seed=SEED)
-    textures = TexturePool(SEED, 40, [one.radiance for one in store.maps.values()])
-    views = ViewSource(store, textures, SEED, size=256)
+    world = World.open(data, Path("runs/world"))
     columns = []
     number = 0
     while len(columns) < 4:
-        scene = draw_scene(rng, views.view(number), views.textures, SIZE)
+        scene = draw_scene(world, SEED, number, SIZE)
         number += 1
-        target = unasked_target(scene)
-        if target is None or scene.bounds != (0, SIZE, 0, SIZE) or len(scene.covers) < 2:
+        half = min(scene.frame.tangents)
+        shot = photograph(rng, scene, (-half, half, half, -half), SIZE)
+        target = unasked_target(shot)
+        if target is None or (shot.covers.sum(axis=(1, 2)) > TILE).sum() < 2:
             continue
-        rgb = scene.photo.permute(1, 2, 0).numpy()
-        columns.append(_column(rgb, scene.covers.numpy(), target, len(columns), cover_box(scene.covers[target])))
+        columns.append(_column(shot.photo, shot.covers, target, len(columns), cover_box(shot.covers[target])))
     Image.fromarray(np.concatenate(columns, axis=1)).quantize(192).save(path, optimize=True)
 
 

@@ -4,16 +4,14 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from support.mesh_files import ply
 
 pytest.importorskip("numba", reason="needs ./train[torch]")
 
-from anyprobe.maps.radiance import write_exr
 from anyprobe.render.mesh import make_mesh
 from anyprobe.render.shapes import sphere
 from anyprobe.render.voxels import first_faces, voxelize
-from anyprobe_train.world import feed, maps
-from anyprobe_train.world.batch import LightBatch, World, make_batch, sources_of
+from anyprobe_train.world import feed
+from anyprobe_train.world.batch import LightBatch, make_batch, sources_of
 from anyprobe_train.world.hits import grid_start, panel_point
 from anyprobe_train.world.kernels import light_panels, probe_map
 from anyprobe_train.world.layout import Layout, Panel, build_scene, falling
@@ -151,24 +149,6 @@ def test_a_source_above_white_is_found_with_its_power():
     assert soft < 0.05
     np.testing.assert_allclose(sources[0, 5:], 199 * 4 * (np.pi / 64) ** 2 * np.sin(np.pi * 21 / 64), rtol=0.05)
     assert sources_of(np.full((64, 128, 3), 0.9, np.float32))[1] == 1.0
-
-
-@pytest.fixture(scope="module")
-def small_world(tmp_path_factory):
-    data, cache = tmp_path_factory.mktemp("data"), tmp_path_factory.mktemp("cache")
-    for folder, name in (("hdri", "day.exr"), ("meshes", "ball.ply")):
-        (data / folder / "train").mkdir(parents=True)
-        text = f"file,slug,category,licence\n{name},{name[:-4]},outdoor,CC0\n"
-        (data / folder / "train" / "manifest.csv").write_text(text, encoding="utf-8")
-    sky = np.random.default_rng(0).uniform(0.1, 1.0, (256, 512, 3)).astype(np.float32)
-    sky[60:62, 100:102] = 3000.0
-    write_exr(data / "hdri" / "train" / "day.exr", sky)
-    ball = sphere(16)
-    (data / "meshes" / "train" / "ball.ply").write_bytes(ply(ball.positions, ball.faces))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(maps, "PLACES", 4)
-        patch.setattr(maps, "COVERS", 4)
-        yield World.open(data, cache, batch=5, first=1, every=1000)
 
 
 def test_a_batch_is_a_function_of_seed_and_number(small_world):

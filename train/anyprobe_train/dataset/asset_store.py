@@ -110,10 +110,3 @@ def load_asset_store(
     maps += [own_map(own_seed, index) for index in range(procedural_maps)]
     shapes += [own_shape(own_seed, index) for index in range(procedural_shapes)]
     return AssetStore(maps, shapes)
-
-
-def name_assets(store: AssetStore) -> str:
-    """Name maps and shapes in their order: how many, and 8 hex digits of SHA-256 over their ids."""
-    ids = [*store.maps, "", *store.shapes]
-    digits = hashlib.sha256(" ".join(ids).encode()).hexdigest()[:8]
-    return f"{len(store.maps)} maps and {len(store.shapes)} shapes ({digits})"

@@ -44,10 +44,8 @@ def f0_from_ior(ior):
     return ((ior - 1.0) / (ior + 1.0)) ** 2
 
 
-def draw_alpha(rng: np.random.Generator, specular: bool | None = None) -> float:
+def draw_alpha(rng: np.random.Generator, specular: bool) -> float:
     """Draw a GGX width: log-uniform in [0.01, 0.5) for specular, uniform in [0.5, 1] for diffuse."""
-    if specular is None:
-        specular = rng.random() < 0.5
     if specular:
         return float(np.exp(rng.uniform(np.log(ALPHA_MIN), np.log(SPECULAR_BELOW))))
     return float(rng.uniform(SPECULAR_BELOW, 1.0))

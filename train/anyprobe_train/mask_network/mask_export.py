@@ -23,7 +23,7 @@ def export_mask(checkpoint: Path, folder: Path) -> float:
     recipe = {
         "run": run["name"],
         "steps": str(run["step"]),
-        "scenes": str(run["scenes"]["scenes"] + run["step"] * run["scenes"]["fresh"]),
+        "scenes": str(run["scenes"] + run["step"] * run["fresh"]),
         "config": json.dumps(run),
     }
     example = torch.rand((1, 4, SMALL_PX, SMALL_PX), generator=torch.Generator().manual_seed(0))

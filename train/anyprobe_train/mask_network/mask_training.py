@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import json
-import sys
 import time
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import torch
 from torch.nn import functional as F
 
-from anyprobe_train.dataset.asset_store import AssetStore, load_asset_store, name_assets
-from anyprobe_train.mask_network.examples import MaskBatch, SceneConfig, SceneSource
-from anyprobe_train.mask_network.foregrounds import TexturePool, ViewSource
+from anyprobe.errors import InputError
+from anyprobe_train.mask_network.examples import MaskBatch, SceneSource
 from anyprobe_train.mask_network.mask_net import MaskNet
 from anyprobe_train.nets.blocks import autocast
 from anyprobe_train.train.checkpoint import (
@@ -26,6 +24,7 @@ from anyprobe_train.train.checkpoint import (
 )
 from anyprobe_train.train.logger import RunLogger, run_folder
 from anyprobe_train.train.loop import CHECKPOINT_SECONDS, learning_rate, mean_of, move_mean
+from anyprobe_train.world.batch import World
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -36,7 +35,8 @@ class MaskRunConfig:
 
     small: side of the pictures in the first small_steps steps, which cost a third there and teach what an
     object is as well; the rest are at full size and teach its edge. averaged: decay of the running mean of the
-    weights, which is what is exported. own_maps: procedural maps beside those of the data folder.
+    weights, which is what is exported. batch, prompts, scenes, fresh: of SceneSource. views: files of views of the
+    world that the first scenes are drawn from.
     """
 
     name: str = "mask"
@@ -49,31 +49,22 @@ class MaskRunConfig:
     cooldown: float = 0.7
     averaged: float = 0.998
     seed: int = 5
-    scenes: SceneConfig = field(default_factory=lambda: SceneConfig(seed=105))
-    own_maps: int = 20
+    batch: int = 16
+    prompts: int = 2
+    scenes: int = 320
+    fresh: int = 1
+    views: int = 32
 
 
 def small_mask_run(config: MaskRunConfig, steps: int) -> MaskRunConfig:
     """Return the same run made small: a dry run for any machine."""
-    return replace(
-        config,
-        name=f"{config.name}-dry",
-        steps=steps,
-        warmup=2,
-        scenes=replace(config.scenes, batch=4, scenes=4, views=2, textures=4),
-        own_maps=2,
-    )
+    return replace(config, name=f"{config.name}-dry", steps=steps, warmup=2, batch=4, scenes=4, views=2)
 
 
-def make_scenes(config: MaskRunConfig, store: AssetStore) -> SceneSource:
-    """Return the endless scenes of a run: training assets, if there are any, and our own."""
-    textures = TexturePool(config.scenes.seed, config.scenes.textures, [one.radiance for one in store.maps.values()])
-    return SceneSource(ViewSource(store, textures, config.scenes.seed), config.scenes)
-
-
-def warned(line: str) -> None:
-    """Say on stderr what cannot be used."""
-    print(f"warning: {line}", file=sys.stderr)
+def scenes_of(config: MaskRunConfig, world: World) -> SceneSource:
+    """Return the endless scenes of a run."""
+    given = {name: getattr(config, name) for name in ("seed", "batch", "prompts", "scenes", "fresh")}
+    return SceneSource(world=world, **given)
 
 
 def mask_loss(logits: torch.Tensor, target: torch.Tensor) -> torch.Tensor:
@@ -105,14 +96,14 @@ def train_mask(
     """Train to config.steps, resuming from the checkpoint of runs/<config.name> if there is one; return its path.
 
     Args:
-        data: folder with hdri/train and meshes/train; None trains on procedural assets.
-        runs: the checkpoint and log.csv go to runs/<config.name>.
+        data: folder with hdri/train and meshes/train, needed unless scenes are at hand.
+        runs: the checkpoint and log.csv go to runs/<config.name>, views to runs/world.
         stop_after: stop (with a checkpoint) once this many steps are done in all.
         scenes: the batches, when they are at hand already.
         start: weights to start from, of train.checkpoint; a resumed run may name those that it started from.
 
     Raises:
-        InputError: a checkpoint of another run (train.checkpoint).
+        InputError: a checkpoint of another run (train.checkpoint), or no data.
     """
     torch.manual_seed(config.seed)
     path = runs / config.name / "checkpoint.pt"
@@ -127,17 +118,20 @@ def train_mask(
     if first >= last:
         return path
     if scenes is None:
-        store = load_asset_store(data, "train", procedural_maps=config.own_maps, report=warned)
-        origin = agreed(path, origin, {"assets": name_assets(store)})
-        scenes = make_scenes(config, store)
+        if data is None:
+            raise InputError("expected a folder with hdri and meshes, got none", subject="data")
+        world = World.open(data, runs / "world", first=config.views)
+        assets = f"{len(world.maps.names)} maps, {len(world.views.files.paths)} shapes"
+        origin = agreed(path, origin, {"assets": assets})
+        scenes = scenes_of(config, world)
     logger = RunLogger(folder, config.name, ("loss", "iou"), first, last, config.steps)
-    saved, examples_per_step = time.monotonic(), config.scenes.batch * config.scenes.prompts
+    saved, examples_per_step = time.monotonic(), config.batch * config.prompts
     with logger:
         for step in range(first, last):
             rate = learning_rate(config, step)
             for group in optimizer.param_groups:
                 group["lr"] = rate
-            batch = scenes.batch(step)
+            batch = scenes.examples(step)
             if step < config.small_steps:
                 batch = shrink_batch(batch, config.small)
             figures = _step(net, optimizer, batch)

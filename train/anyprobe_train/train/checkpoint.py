@@ -6,8 +6,8 @@ import hashlib
 import io
 import json
 import zipfile
-from collections.abc import Iterator, Mapping
-from dataclasses import MISSING, Field, asdict, fields, is_dataclass
+from collections.abc import Mapping
+from dataclasses import MISSING, asdict, fields
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +35,7 @@ def resumed(
 ) -> tuple[dict[str, Any] | None, dict[str, Any]]:
     """Return the run's checkpoint, None if there is none yet, and its origin with the weights it started from.
 
-    config: the run's, a dataclass with `steps`.
+    config: the run's, a dataclass with `steps`; a setting that is not stored had its default.
 
     Raises:
         InputError: other settings, of which it names the first, another origin, or more steps done than asked for.
@@ -50,9 +50,12 @@ def resumed(
         raise ModelError(
             "expected a run's checkpoint, got weights alone; train in another folder with --init-weights", source=path
         )
-    for name, old, current in differing(config, json.loads(stored["config"])):
-        if name not in CHANGEABLE:
-            raise _another_run(path, name, old, current)
+    known = json.loads(stored["config"])
+    for setting in fields(config):
+        current = getattr(config, setting.name)
+        old = known.get(setting.name, current if setting.default is MISSING else setting.default)
+        if old != current and setting.name not in CHANGEABLE:
+            raise _another_run(path, setting.name, old, current)
     if config.steps < stored["step"]:
         raise InputError(
             f"expected at least the {stored['step']} steps that are done, got {config.steps}; "
@@ -60,30 +63,6 @@ def resumed(
             source=path,
         )
     return stored, agreed(path, stored.get("origin", {}), origin)
-
-
-def differing(config: Any, stored: Mapping[str, Any], part: str = "") -> Iterator[tuple[str, Any, Any]]:
-    """Yield name (as part.name), stored value and current value of each setting that differs from its stored form.
-
-    A setting that is not stored had its default.
-    """
-    for setting in fields(config):
-        current = getattr(config, setting.name)
-        old = stored[setting.name] if setting.name in stored else _default(setting, current)
-        if is_dataclass(current):
-            yield from differing(current, old, f"{part}{setting.name}.")
-        elif old != current:
-            yield part + setting.name, old, current
-
-
-def _default(setting: Field, current: Any) -> Any:
-    """Return a setting's default in its stored form; the value now where it has none."""
-    value = current
-    if setting.default is not MISSING:
-        value = setting.default
-    elif setting.default_factory is not MISSING:
-        value = setting.default_factory()
-    return asdict(value) if is_dataclass(value) and not isinstance(value, type) else value
 
 
 def _another_run(path: Path, name: str, old: Any, current: Any) -> InputError:

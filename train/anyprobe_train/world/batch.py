@@ -123,7 +123,7 @@ def make_batch(world: World, seed: int, k: int) -> LightBatch:
     """Return batch k: the same for the same data."""
     rng = np.random.default_rng((seed, k))
     numbers = rng.choice(len(PHOTO_FAMILIES), world.batch, p=SHARES)
-    kinds = [_light_kind(PHOTO_FAMILIES[n], rng) for n in numbers]
+    kinds = [light_kind(PHOTO_FAMILIES[n], rng) for n in numbers]
     lights: dict[str, list[Light]] = {}
     for kind in sorted(set(kinds)):
         count = -(-kinds.count(kind) // PHOTOS_OF_LIGHT)
@@ -135,7 +135,8 @@ def make_batch(world: World, seed: int, k: int) -> LightBatch:
     return LightBatch(**{one.name: np.stack([photo[one.name] for photo in photos]) for one in fields(LightBatch)})
 
 
-def _light_kind(family: str, rng: np.random.Generator) -> str:
+def light_kind(family: str, rng: np.random.Generator) -> str:
+    """Draw the kind of light of a photo."""
     if family in LIGHT_OF:
         kind = LIGHT_OF[family]
         return "procedural" if family == "things" and rng.random() < 0.3 else kind
@@ -145,7 +146,8 @@ def _light_kind(family: str, rng: np.random.Generator) -> str:
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Traced:
     """A scene as its photo shows it, before the camera: the object (None: there is none), it and all else (None: cut
-    out) over the context's square, what a probe sees, and what they are made of; in_photo: share_in_photo of that."""
+    out) over the context's square, what a probe sees, and what they are made of; in_photo: share_in_photo of that;
+    others: the other objects by themselves, the farthest first."""
 
     layout: Layout
     view: np.void
@@ -155,6 +157,7 @@ class Traced:
     reflectance: np.ndarray
     seen: Seen | None
     own: np.ndarray
+    others: list[np.ndarray]
     in_photo: np.ndarray
     behind: np.ndarray | None
     truth: np.ndarray
@@ -164,15 +167,21 @@ def take(world: World, family: str, light: Light, k: int, rng: np.random.Generat
     """Draw and take one photo: the arrays of LightBatch without their first axis."""
     view = world.views[int(rng.integers(world.count(k)))]
     surroundings = _surroundings(family, rng)
-    others = _companions(world, view, k, rng) if surroundings in WITH_OTHERS else []
+    others = companions(world, view, k, rng) if surroundings in WITH_OTHERS else []
     layout = draw_layout(rng, surroundings, view, light, world.maps, others)
     return _tensors(family, trace(world.maps, family, layout, view, rng), rng)
 
 
 def trace(
-    maps: Maps, family: str, layout: Layout, view: np.void, rng: np.random.Generator, plain: bool = False
+    maps: Maps,
+    family: str,
+    layout: Layout,
+    view: np.void,
+    rng: np.random.Generator,
+    painted_share: float = PAINTED,
+    size: int = SQUARE_PX,
 ) -> Traced:
-    """Trace a photo of a layout; plain: without textures on the object."""
+    """Trace a photo of a layout, its square so many pixels wide."""
     material, metal = pick_material(rng)
     seed = int(rng.integers(2**31))
     frame = draw_photo_frame(rng, view)
@@ -180,22 +189,22 @@ def trace(
     reflectance = material.f0 + (1 - material.f0) * material.albedo
     scene = lit_scene(view if has_object else None, view["eye"], layout, material, seed)
     first = int(has_object)
-    others = [see_other(scene, layout, first + k, rng) for k in range(len(layout.others))]
-    seen, own = None, np.zeros((SQUARE_PX, SQUARE_PX, 4), np.float32)
+    beside = [see_other(scene, layout, first + k, rng) for k in range(len(layout.others))]
+    seen, own = None, np.zeros((size, size, 4), np.float32)
     if has_object:
         standing = Standing(view=view, turn=0.0, scale=1.0, place=np.zeros(3))
         surface = standing_points(standing)
-        colors = painted(rng, maps, material, *surface[2:], 0.0 if plain else PAINTED)
+        colors = painted(rng, maps, material, *surface[2:], painted_share)
         reflectance = (colors[1] + (1 - colors[1]) * colors[0]).mean(axis=0)
         seen = see_object(scene, standing, surface, material, colors, seed + 1)
-        own = object_over(seen, frame, frame.square, SQUARE_PX)
-    behind, in_photo = None, share_in_photo(frame, frame.square)
+        own = object_over(seen, frame, frame.square, size)
+    away = [-float(np.linalg.norm(one.place - view["eye"])) for one in layout.others]
+    others = [object_over(beside[k], frame, frame.square, size) for k in np.argsort(away)]  # the farthest first
+    behind, in_photo = None, share_in_photo(frame, frame.square, size)
     if family != "cut_out":
         wanted = (in_photo > 0) & (cv2.erode(own[..., 3], np.ones((5, 5))) < 0.999)  # beside the object
         behind = background_of(scene, frame, seen, wanted, seed + 2)
-        away = [-float(np.linalg.norm(one.place - view["eye"])) for one in layout.others]
-        for k in np.argsort(away):  # the farthest first
-            other = object_over(others[k], frame, frame.square, SQUARE_PX)
+        for other in others:
             behind = other[..., :3] + (1 - other[..., 3:]) * behind
     truth = truth_of(scene, frame, float(view["top"]))
     return Traced(
@@ -207,6 +216,7 @@ def trace(
         reflectance=reflectance,
         seen=seen,
         own=own,
+        others=others,
         in_photo=in_photo,
         behind=behind,
         truth=truth,
@@ -222,14 +232,14 @@ def _surroundings(family: str, rng: np.random.Generator) -> str:
     return family
 
 
-def _companions(world: World, view: np.void, k: int, rng: np.random.Generator) -> list[np.void]:
-    """Return up to two views whose cameras look down as steeply as a view's."""
-    found = []
+def companions(world: World, view: np.void, k: int, rng: np.random.Generator, most: int = 2) -> list[np.void]:
+    """Return up to so many views whose cameras look down as steeply as a view's."""
+    found: list[np.void] = []
     for _ in range(24):
         other = world.views[int(rng.integers(world.count(k)))]
         if abs(other["camera"][1, 2] - view["camera"][1, 2]) < SAME_PITCH:
             found.append(other)
-        if len(found) == 2:
+        if len(found) == most:
             break
     return found
 

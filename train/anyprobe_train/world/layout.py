@@ -74,7 +74,7 @@ def draw_layout(
         if rng.random() < 0.3:
             panels.append(_wall(rng, view, toward, float(rng.uniform(1.5, 8.0)), _cover(rng, maps, 0.7)))
         if others and rng.random() < 0.2:
-            standing.append(_beside(rng, others[0], view, eye, toward))
+            standing.append(stand_beside(rng, others[0], view, eye, toward))
     elif family == "things":
         kind = ("wall", "corner", "sweep", "window", "clutter", "plinth")[rng.integers(6)]
         plain = _cover(rng, maps, 1.0)
@@ -97,7 +97,7 @@ def draw_layout(
             if np.dot(eye - wall.origin, side) > 0.1:
                 panels.append(wall)
         if kind == "clutter":
-            standing += [_beside(rng, one, view, eye, toward) for one in others]
+            standing += [stand_beside(rng, one, view, eye, toward) for one in others]
     elif family == "dark":
         light, lamps = _in_the_dark(rng, view, light, eye)
         cloth = _cloth(rng)
@@ -288,7 +288,9 @@ def _plinth(rng: np.random.Generator, view: np.void, cover: Cover) -> list[Panel
     return panels
 
 
-def _beside(rng: np.random.Generator, other: np.void, view: np.void, eye: np.ndarray, toward: np.ndarray) -> Standing:
+def stand_beside(
+    rng: np.random.Generator, other: np.void, view: np.void, eye: np.ndarray, toward: np.ndarray
+) -> Standing:
     """Place another object beside or behind the first, clear of it, turned as it was seen."""
 
     def reach(one: np.void) -> float:

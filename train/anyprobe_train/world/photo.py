@@ -296,8 +296,7 @@ def truth_of(scene: TracedScene, frame: Frame, top: float) -> np.ndarray:
 
 
 def background_of(scene: TracedScene, frame: Frame, seen: Seen | None, wanted: np.ndarray, seed: int) -> np.ndarray:
-    """Return the photo without the object over the context's square, in the pixels `wanted` [SQUARE_PX, SQUARE_PX],
-    [SQUARE_PX, SQUARE_PX, 3]."""
+    """Return the photo without the object over the context's square, in the pixels `wanted` [S, S], [S, S, 3]."""
     if seen is None:
         view = np.eye(3), 1.0, np.zeros((1, 1, 3), np.float32), np.zeros((1, 1), np.float32)
     else:
@@ -305,11 +304,11 @@ def background_of(scene: TracedScene, frame: Frame, seen: Seen | None, wanted: n
     return picture(*scene, frame.camera, frame.most, wanted, *view, seed)
 
 
-def share_in_photo(frame: Frame, window: tuple[float, float, float, float]) -> np.ndarray:
-    """Return the share of each pixel of a window that lies in the photo, [SQUARE_PX, SQUARE_PX]."""
+def share_in_photo(frame: Frame, window: tuple[float, float, float, float], size: int = SQUARE_PX) -> np.ndarray:
+    """Return the share of each pixel of a window that lies in the photo, [size, size]."""
 
     def along(first: float, last: float, most: float) -> np.ndarray:
-        edges = np.linspace(first, last, SQUARE_PX + 1)
+        edges = np.linspace(first, last, size + 1)
         low, high = np.minimum(edges[:-1], edges[1:]), np.maximum(edges[:-1], edges[1:])
         return np.clip((np.minimum(high, most) - np.maximum(low, -most)) / (high - low), 0.0, 1.0)
 
