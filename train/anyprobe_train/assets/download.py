@@ -3,8 +3,6 @@
 Nothing counts as there before its MD5 agrees. Standard library only.
 """
 
-from __future__ import annotations
-
 import email.utils
 import hashlib
 import http.client

@@ -8,8 +8,6 @@ what is made of it, by whose first eight digits recipes name it. Rows without an
 anew: what decimated them, or closed their holes, was not recorded.
 """
 
-from __future__ import annotations
-
 import csv
 import hashlib
 from collections.abc import Iterator

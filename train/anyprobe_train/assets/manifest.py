@@ -1,7 +1,5 @@
 """manifest.csv beside the files it lists."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Sequence
 from pathlib import Path

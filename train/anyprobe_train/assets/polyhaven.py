@@ -7,8 +7,6 @@ The API (https://api.polyhaven.com): /assets?type=T lists assets by slug, /files
 asset's files by resolution and format, each with address, size and MD5.
 """
 
-from __future__ import annotations
-
 import hashlib
 import io
 import os

@@ -1,7 +1,5 @@
 """The command line of training: one file per command, everything heavy imported inside it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from anyprobe.cli.app import main as cli_main

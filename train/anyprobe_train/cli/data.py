@@ -2,8 +2,6 @@
 
 anyprobe-train data test DIR: the files of the frozen test set, each from its own source."""
 
-from __future__ import annotations
-
 import sys
 from collections import Counter
 from collections.abc import Iterable

@@ -1,7 +1,5 @@
 """anyprobe-train paper: the paper's networks from nothing, and its tables."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from typing import Annotated

@@ -1,7 +1,5 @@
 """anyprobe-train run and export: from assets to networks, from networks to the package."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from typing import Annotated

@@ -1,7 +1,5 @@
 """The maps and shapes that recipes name: real ones from a folder, and procedural ones."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable, Iterable
 from functools import lru_cache

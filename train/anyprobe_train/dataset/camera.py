@@ -1,7 +1,5 @@
 """How a photo is taken: metering, white balance, lens blur, response curve, noise, JPEG. One Shot per photo."""
 
-from __future__ import annotations
-
 import io
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """The available maps and shapes: reading them, and their licences in the manifest.csv beside them."""
 
-from __future__ import annotations
-
 import csv
 import hashlib
 import re

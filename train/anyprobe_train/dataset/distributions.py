@@ -16,8 +16,6 @@ The two disagree on whites: MERL's white paint has .35 and its Teflon .27, where
 the middle of the dull materials follows MERL, sheen included, and the upper tenths follow the tables.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from anyprobe.core.color import luminance

@@ -1,7 +1,5 @@
 """Errors of masks cut out of photos: too wide, too narrow, ragged, shifted, pierced, cut off."""
 
-from __future__ import annotations
-
 import numpy as np
 from PIL import Image, ImageFilter
 

@@ -3,8 +3,6 @@
 Every visible point is shaded by itself, in NumPy, so that bytes do not depend on a compiler.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Families of random shapes, each a closed surface over a latitude-longitude grid."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import product
 

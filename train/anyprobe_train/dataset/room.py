@@ -9,8 +9,6 @@ A wall is 2 axis + side: x-, x+, y- (floor), y+ (ceiling), z-, z+.
 Radiance is in kcd/m^2 as in anyprobe_train.dataset.sky, which is what the windows show.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import reduce
 

@@ -9,8 +9,6 @@ Elevation is the sun's above the horizon [radians]; the paper's theta_s is pi / 
 Radiance is photometric: linear Rec. 709 whose luminance is in kcd/m^2, irradiance likewise in klx.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ Patterns are laid on from three sides of a block about the object (`lay`), so th
 together towards its edge. They know nothing of what the object is, and change its colour alone, not the normals.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from anyprobe.core.latlong import corners

@@ -1,7 +1,5 @@
 """A test set for other programs: its photos as files, and the programs' maps read back to be scored."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path

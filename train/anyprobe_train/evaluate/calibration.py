@@ -1,7 +1,5 @@
 """Calibration of the confidence that a model claims, over many maps."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np

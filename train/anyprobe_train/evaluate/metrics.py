@@ -3,8 +3,6 @@
 Pure NumPy; every function computes in float64 and returns a Python number. Pictures are [H, W] or [H, W, C].
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """Path tracing by Mitsuba 3, the judge of our renderer: a mesh shadows and mirrors itself."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

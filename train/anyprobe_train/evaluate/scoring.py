@@ -1,7 +1,5 @@
 """Scores of methods on test pairs: figures per pair, then means over groups of pairs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from importlib import resources

@@ -1,7 +1,5 @@
 """Standard errors of means over test pairs whose errors correlate where they share a map or a shape."""
 
-from __future__ import annotations
-
 from collections.abc import Hashable, Sequence
 
 import numpy as np

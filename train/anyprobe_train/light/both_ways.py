@@ -1,7 +1,5 @@
 """The answer to a photo and to its mirror image, as one: mirrored photos give mirrored answers."""
 
-from __future__ import annotations
-
 from dataclasses import fields, replace
 from itertools import permutations
 

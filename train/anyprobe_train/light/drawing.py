@@ -1,7 +1,5 @@
 """Light drawn into a map: what is up to white, sources in their size, and what power is left where it is likely."""
 
-from __future__ import annotations
-
 import numpy as np
 import torch
 from torch import nn

@@ -1,7 +1,5 @@
 """Scores of the light network on photos that are left out: path-traced ones, and four cross sets of the fast world."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Losses of the light network: few, named, each zero (or least) at the truth."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from itertools import permutations
 

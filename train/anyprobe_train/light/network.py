@@ -5,8 +5,6 @@ directions that it comes from, what the photo shows lies on the sphere, and a sm
 step sees every seen pixel, says the map. Frame: +X right, +Y up, the camera looks along -Z.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

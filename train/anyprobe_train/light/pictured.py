@@ -1,7 +1,5 @@
 """Batches of the world as the network sees them in training: in mirrors, and with some of what is known left out."""
 
-from __future__ import annotations
-
 import functools
 from dataclasses import dataclass, fields, replace
 from typing import Any

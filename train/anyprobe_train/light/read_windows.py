@@ -1,7 +1,5 @@
 """Pictures and maps read at other places and sizes, by operations that an ONNX graph has. Channels come first."""
 
-from __future__ import annotations
-
 import torch
 
 

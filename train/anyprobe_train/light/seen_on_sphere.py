@@ -1,7 +1,5 @@
 """Projection of the photo beside its object to the sphere by its lens, as the batches of the world have it."""
 
-from __future__ import annotations
-
 import numpy as np
 import torch
 from torch import nn

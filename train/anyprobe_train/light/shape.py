@@ -1,7 +1,5 @@
 """The shape of an object, as the normals of what is seen of it: a U-Net over its crop."""
 
-from __future__ import annotations
-
 import torch
 from torch import nn
 from torch.nn import functional as F

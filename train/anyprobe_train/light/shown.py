@@ -1,7 +1,5 @@
 """The mean camera's curve for tensors of any shape: what a display shows of light, and what light a display means."""
 
-from __future__ import annotations
-
 import math
 
 import torch

@@ -1,7 +1,5 @@
 """A map summed up in nine spherical harmonics, as light.harmonics does it, by operations that an ONNX graph has."""
 
-from __future__ import annotations
-
 import numpy as np
 import torch
 from torch import nn

@@ -1,7 +1,5 @@
 """python -m anyprobe_train.mask_network: commands train, export."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import replace
 from pathlib import Path

@@ -4,8 +4,6 @@ MaskBatch number k is a function of (seed, k) alone, as for pairs: a run that wa
 scenes. Photographing a scene again is far cheaper than a new scene: mirrored, cropped, by another phone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """The mask network's export: one ONNX graph with its contract, its weights stored small, checked against torch."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

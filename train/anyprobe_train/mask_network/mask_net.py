@@ -1,7 +1,5 @@
 """The mask network: a U-Net from photo and hints to the object's cover, working at half the photo's size."""
 
-from __future__ import annotations
-
 import torch
 from torch import nn
 from torch.nn import functional as F

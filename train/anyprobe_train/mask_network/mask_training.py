@@ -1,7 +1,5 @@
 """The mask network's training: its own small loop, one checkpoint that resumes exactly."""
 
-from __future__ import annotations
-
 import json
 import time
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Scenes: what a photo of several objects shows before the camera, with each object's cover of every pixel."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Building blocks of the networks. NCHW; N batch, C channels, H x W pixels."""
 
-from __future__ import annotations
-
 import torch
 from torch import nn
 from torch.nn import functional as F

@@ -1,7 +1,5 @@
 """A run as figures see it: its tables, and its networks at whatever step they are."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path

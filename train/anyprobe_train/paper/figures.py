@@ -1,7 +1,5 @@
 """The paper's Figs. 6, 7, 10 and 11 from a run, and the list of all that can be drawn."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import torch

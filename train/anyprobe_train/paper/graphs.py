@@ -1,7 +1,5 @@
 """Export of the trained chain: three ONNX graphs with weights of eight bits, and their model card."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict
 from pathlib import Path

@@ -5,8 +5,6 @@ map. The eye is the pole of both grids, of lights and of normals: turning both a
 transform around it makes a small matrix a frequency of each material.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The paper's one loss, L2, over whole pictures (Sect. 3.2 to 3.4), and the same as errors."""
 
-from __future__ import annotations
-
 import torch
 
 

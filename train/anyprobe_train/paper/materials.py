@@ -1,7 +1,5 @@
 """The eight materials of Sect. 3.5, metals and others, specular and diffuse. The paper prints none."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from anyprobe.scatter.materials import Material

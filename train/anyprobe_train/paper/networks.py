@@ -4,8 +4,6 @@ Down: convolution 4 x 4 of stride 2, batch normalisation (none in the first), le
 4 x 4 of stride 2, batch normalisation, ReLU. Pictures are [N, C, H, W], display values in [0, 1] unless said otherwise.
 """
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import torch

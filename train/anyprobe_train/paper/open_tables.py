@@ -1,7 +1,5 @@
 """Which maps and shapes the tables of a reproduction hold."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Figs. 15 and 16: virtual objects in real photos, and materials that the paper's model does not cover."""
 
-from __future__ import annotations
-
 import csv
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Everything that a reproduction trains, in order: what is needed first comes first."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Protocol
 

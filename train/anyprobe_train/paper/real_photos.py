@@ -1,7 +1,5 @@
 """Real photos of one object each, cropped as the networks take them."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Iterable
 from dataclasses import dataclass

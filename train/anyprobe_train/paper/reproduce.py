@@ -1,7 +1,5 @@
 """The whole reproduction in order: tables, then every piece."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -4,8 +4,6 @@ All are compared as what a mirror sphere shows of their LDR map, since the other
 Real photos have no measured map: their lamp, in a dark room, is known instead.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

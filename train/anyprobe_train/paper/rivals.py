@@ -4,8 +4,6 @@ Georgoulis et al. (TPAMI 2017), their direct method: photo to the picture of a m
 photo and true normals to a grey mirror image of the object; the same normals unwrap it.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import torch
 from torch import nn

@@ -1,7 +1,5 @@
 """Sect. 3.5's schedule and the targets that sharpen with it (Eq. 6)."""
 
-from __future__ import annotations
-
 import math
 
 import torch

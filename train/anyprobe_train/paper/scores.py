@@ -1,7 +1,5 @@
 """Errors of a network on pairs that it has and has not seen, beside those of what needs no network."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

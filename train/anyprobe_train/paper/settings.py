@@ -1,7 +1,5 @@
 """Sizes of a whole reproduction: full, in a quarter of the steps, in ten minutes, and in one for tests."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from anyprobe.core.spelling import did_you_mean

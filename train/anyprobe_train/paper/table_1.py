@@ -1,7 +1,5 @@
 """Table 1: the four designs on the same test pairs, beside what needs no network."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Checkpoints: resuming their run and no other, and their weights alone, in half floats, to start another run from."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 import json

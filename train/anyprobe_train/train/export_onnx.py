@@ -1,7 +1,5 @@
 """Export of checkpoints to ONNX graphs with their contract, in compact storage, checked against torch."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Parts of every run's loop: the learning rate over its steps, and the running mean of its weights."""
 
-from __future__ import annotations
-
 from copy import deepcopy
 from pathlib import Path
 from typing import Any, TypeVar

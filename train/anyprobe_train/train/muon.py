@@ -1,7 +1,5 @@
 """Muon (Jordan et al. 2024) for the matrices of weights inside a network, AdamW for all else, as one optimizer."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import torch

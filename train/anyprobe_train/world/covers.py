@@ -4,8 +4,6 @@ Albedos follow measured light reflectance values (SLL/CIBSE Lighting Guide 11, 2
 wood .3-.6, stone and concrete .15-.6, cloth .05-.75, paint and laminate .1-.8.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Compiled kernels: what rays hit in a TracedScene (f, i, w, q: its arrays)."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

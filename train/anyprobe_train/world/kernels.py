@@ -1,7 +1,5 @@
 """Compiled kernels: what rays see in a Scene (f, i, w, q: its arrays), and the light that falls on points."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

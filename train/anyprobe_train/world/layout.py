@@ -1,7 +1,5 @@
 """Layout of a photo: floor, walls, other objects and near lamps of one photo, by families."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

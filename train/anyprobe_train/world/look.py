@@ -1,7 +1,5 @@
 """How a photo's camera renders light: exposure, white balance, vignette, blur, curve, style, noise, JPEG."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import cv2

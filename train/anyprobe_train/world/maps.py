@@ -1,7 +1,5 @@
 """Maps, procedural places and covers, prepared once in a folder and shared by all processes through its files."""
 
-from __future__ import annotations
-
 import csv
 import fcntl
 import json

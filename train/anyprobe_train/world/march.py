@@ -1,7 +1,5 @@
 """render.voxels.blocked for one ray, compiled: a photo asks for 100,000, which NumPy would take seconds for."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """One photo of a scene: the object lit and seen, the picture around it, the camera, the mask, and what is true."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import lru_cache

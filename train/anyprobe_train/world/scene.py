@@ -3,8 +3,6 @@
 World: +Y up, the object stands on y = 0 over the origin, its bounding sphere's radius is 1.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

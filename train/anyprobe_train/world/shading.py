@@ -1,7 +1,5 @@
 """Compiled kernels: the object as its camera sees it, and the picture behind it."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -4,8 +4,6 @@ Shape number k is a function of (its part, k) alone, and so is each file of SHAP
 missing makes it.
 """
 
-from __future__ import annotations
-
 import fcntl
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Compiled kernels: pictures over windows of a photo's plane, and on the sphere."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 
