@@ -8,15 +8,6 @@ def l2(estimate: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
     return (estimate.float() - truth.float()).square().mean()
 
 
-def picture_rmse(estimate: torch.Tensor, truth: torch.Tensor, mask: torch.Tensor | None = None) -> torch.Tensor:
-    """Return the root of each picture's mean square, [N]; with a mask [N, 1, H, W], within it."""
-    square = (estimate - truth).square().mean(dim=1, keepdim=True)
-    if mask is None:
-        return square.mean(dim=(1, 2, 3)).sqrt()
-    return ((square * mask).sum(dim=(1, 2, 3)) / mask.sum(dim=(1, 2, 3)).clip(min=1)).sqrt()
-
-
-def best_gain(estimate: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
-    """Scale each picture by the one number that brings it closest to the truth."""
-    gain = (estimate * truth).sum(dim=(1, 2, 3)) / estimate.square().sum(dim=(1, 2, 3)).clip(min=1e-6)
-    return estimate * gain[:, None, None, None]
+def picture_rmse(estimate: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
+    """Return the root of each picture's mean square, [N]."""
+    return (estimate - truth).square().mean(dim=(1, 2, 3)).sqrt()
