@@ -16,8 +16,8 @@ from anyprobe_train.evaluate.metrics import direction_error_deg, false_sources
 from anyprobe_train.light.both_ways import both_ways
 from anyprobe_train.light.network import LeanNet, LightAnswer, LightInputs
 from anyprobe_train.light.pictured import LightTruth, seen_again, tensors_of, without_object
+from anyprobe_train.world.batch import PHOTO_FAMILIES, LightBatch, World, make_batch
 
-KINDS = ("ground", "table", "things", "dark", "procedural", "cut_out", "no_object")
 WITHOUT = 100
 """Photos of which the object is left out, too."""
 AT_ONCE = 32
@@ -26,16 +26,9 @@ CROSS = tuple((maps, shapes) for maps in ("train", "left-out") for shapes in ("t
 CROSS_SEED, CROSS_BATCHES = 1_000_003, 2
 
 
-class Arrays:
-    """A batch whose arrays are attributes, as a file holds them."""
-
-    def __init__(self, arrays: dict[str, np.ndarray]) -> None:
-        self.__dict__.update(arrays)
-
-
-def kept_batches(folder: Path) -> list[Arrays]:
-    """Return the batches of a folder, files of the fields of world.batch.LightBatch; none where there is none."""
-    return [Arrays(dict(np.load(path))) for path in sorted(folder.glob("*.npz"))]
+def kept_batches(folder: Path) -> list[LightBatch]:
+    """Return the batches of a folder, files of their fields; none where there is none."""
+    return [LightBatch(**dict(np.load(path))) for path in sorted(folder.glob("*.npz"))]
 
 
 @torch.no_grad()
@@ -103,23 +96,22 @@ def summary(rows: list[dict[str, float]], prefix: str) -> dict[str, float]:
     return {f"{prefix}{name}": round(float(value), 4) for name, value in found.items()}
 
 
-def score_whole_photos(net: LeanNet, batches: list[Any]) -> dict[str, float]:
+def score_whole_photos(net: LeanNet, batches: list[LightBatch]) -> dict[str, float]:
     """Return figures of whole photos, of each family, and of photos without their objects."""
     rows: list[dict[str, float]] = []
     without: list[dict[str, float]] = []
-    device = str(next(net.parameters()).device)
     for batch in batches:
-        inputs, truth = tensors_of(batch, device)
+        inputs, truth = tensors_of(batch, _device(net))
         rows += rows_of(net, inputs, truth)
-        whole = truth.family < KINDS.index("cut_out")
+        whole = truth.family < PHOTO_FAMILIES.index("cut_out")
         if len(without) < WITHOUT and whole.any():
             some = torch.nonzero(whole)[: WITHOUT - len(without), 0]
             every = torch.ones_like(some, dtype=torch.bool)
             bare = seen_again(without_object(_picked(inputs, some), every), every)
             without += rows_of(net, bare, _picked(truth, some))
-    whole_rows = [row for row in rows if row["family"] < KINDS.index("cut_out")]
+    whole_rows = [row for row in rows if row["family"] < PHOTO_FAMILIES.index("cut_out")]
     found = summary(whole_rows, "")
-    for number, name in enumerate(KINDS):
+    for number, name in enumerate(PHOTO_FAMILIES):
         own = [row for row in rows if row["family"] == number]
         if own:
             short = summary(own, f"{name}_")
@@ -137,11 +129,9 @@ def _picked(record: Any, rows: torch.Tensor) -> Any:
 def left_out_scores(folder: Path, data: Path, cache: Path) -> Callable[[LeanNet], dict[str, float]]:
     """Return what scores a network: on the batches kept in a folder, and on the cross sets of the fast world, which are
     made when they are asked for first."""
-    sets: dict[str, Any] = {}
+    sets: dict[str, list[LightBatch]] = {}
 
     def score(net: LeanNet) -> dict[str, float]:
-        from anyprobe_train.world.batch import World, make_batch
-
         found: dict[str, float] = {}
         kept = kept_batches(folder)
         if kept:
