@@ -115,6 +115,12 @@ def test_a_hint_points_at_its_answer(kind, photos):
             assert (target * (hint > 0)).sum() / target.sum() > 0.7
 
 
+def test_what_covers_no_pixel_by_half_is_not_asked_for():
+    shot = two_discs()
+    faint = replace(shot, covers=0.4 * shot.covers)
+    assert not any(one.any() for one in ask(np.random.default_rng(0), faint, "click", 0))
+
+
 def test_loss_is_least_for_the_answer():
     target = torch.from_numpy(two_discs().covers[1])[None, None]
     sure = (target * 2 - 1) * 12

@@ -133,7 +133,7 @@ def _examples(
 def _draw_target(rng: np.random.Generator, covers: np.ndarray) -> int | None:
     """Draw an object large enough to be meant, large ones more often; None if there is none."""
     areas = covers.sum(axis=(1, 2))
-    possible = np.flatnonzero(areas >= MIN_TARGET_PX)
+    possible = np.flatnonzero((areas >= MIN_TARGET_PX) & (covers > 0.5).any(axis=(1, 2)))
     if not len(possible):
         return None
     return int(rng.choice(possible, p=areas[possible] ** 0.5 / (areas[possible] ** 0.5).sum()))
@@ -144,10 +144,11 @@ def ask(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Draw a prompt of a kind of PROMPTS and its answer: channel [S, S], target's cover [S, S].
 
-    A prompt "none" becomes a click where no object stands out. target: the object meant; else a random one.
+    A prompt "none" becomes a click where no object stands out. target: the object meant; else, or where it covers no
+    pixel by half, a random one.
     """
     nothing = np.zeros((SMALL_PX, SMALL_PX), np.float32)
-    if target is None:
+    if target is None or shot.covers[target].max() <= 0.5:
         target = _draw_target(rng, shot.covers)
     if target is None:
         return nothing, nothing
