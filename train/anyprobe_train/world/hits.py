@@ -4,40 +4,8 @@ import math
 
 import numpy as np
 
+from anyprobe_train.world import scene as at
 from anyprobe_train.world.march import blocked_cells, compiled
-from anyprobe_train.world.scene import (
-    AT,
-    BALL,
-    BODIES,
-    BODY,
-    BODY_SIZE,
-    CELLS_FROM_WORLD,
-    EYE,
-    FALLING,
-    GRID_POINTS,
-    GRID_SPREAD,
-    GROUND,
-    HALF,
-    IS_BALL,
-    LIGHT,
-    MIDDLE,
-    MIRRORED_SIDE,
-    NORMAL,
-    ORIGIN,
-    PANEL,
-    PANEL_SIZE,
-    PANELS,
-    PICTURE,
-    PICTURE_SIDE,
-    POWER,
-    RADIUS,
-    RIGHT,
-    SKY_ROWS,
-    SOURCE,
-    SOURCE_SIZE,
-    TEXELS,
-    UP,
-)
 
 FAR_AWAY = 1e9
 LEAST_ALBEDO, MOST_ALBEDO = 0.03, 0.8
@@ -103,8 +71,8 @@ def level_of(texels, rows):
 @compiled
 def sky_at(i, q, part, level, x, y, z):
     """Return radiance along a unit direction of a level of the sky, with sources (FULL) or without (REST), bilinear."""
-    size = i[SKY_ROWS] >> level
-    start = part * i[TEXELS] + 8 * (i[SKY_ROWS] * i[SKY_ROWS] - size * size) // 3
+    size = i[at.SKY_ROWS] >> level
+    start = part * i[at.TEXELS] + 8 * (i[at.SKY_ROWS] * i[at.SKY_ROWS] - size * size) // 3
     column = (0.5 + angle_of(x, -z) * (0.5 / math.pi)) * 2 * size - 0.5
     row = min(max(polar_angle(y) * (size / math.pi) - 0.5, 0.0), size - 1.0)
     c0, r0 = int(math.floor(column)), int(row)
@@ -123,12 +91,14 @@ def sky_at(i, q, part, level, x, y, z):
 @compiled
 def hit_body(f, i, w, number, ox, oy, oz, dx, dy, dz, most):
     """Return the distance at which a ray meets a body, or -1."""
-    b = i[BODY] + number * BODY_SIZE
-    x, y, z = f[b + BALL] - ox, f[b + BALL + 1] - oy, f[b + BALL + 2] - oz
+    b = i[at.BODY] + number * at.BODY_SIZE
+    x, y, z = f[b + at.BALL] - ox, f[b + at.BALL + 1] - oy, f[b + at.BALL + 2] - oz
     along, away = x * dx + y * dy + z * dz, x * x + y * y + z * z
-    if away > f[b + BALL + 3] and (along < 0 or away - along * along / (dx * dx + dy * dy + dz * dz) > f[b + BALL + 3]):
+    if away > f[b + at.BALL + 3] and (
+        along < 0 or away - along * along / (dx * dx + dy * dy + dz * dz) > f[b + at.BALL + 3]
+    ):
         return -1.0
-    m = b + CELLS_FROM_WORLD
+    m = b + at.CELLS_FROM_WORLD
     return blocked_cells(
         w[number],
         f[m] * ox + f[m + 1] * oy + f[m + 2] * oz + f[m + 3],
@@ -145,21 +115,21 @@ def hit_body(f, i, w, number, ox, oy, oz, dx, dy, dz, most):
 def hit_panel(f, i, ox, oy, oz, dx, dy, dz, most, without):
     """Return the nearest panel that a ray meets before `most`, its distance, and x, y on it; -1 if none."""
     best, distance, bx, by = -1, most, 0.0, 0.0
-    for number in range(i[PANELS]):
+    for number in range(i[at.PANELS]):
         if number == without:
             continue
-        p = i[PANEL] + number * PANEL_SIZE
-        slope = f[p + NORMAL] * dx + f[p + NORMAL + 1] * dy + f[p + NORMAL + 2] * dz
+        p = i[at.PANEL] + number * at.PANEL_SIZE
+        slope = f[p + at.NORMAL] * dx + f[p + at.NORMAL + 1] * dy + f[p + at.NORMAL + 2] * dz
         if abs(slope) < 1e-7:
             continue
-        ax, ay, az = f[p + ORIGIN] - ox, f[p + ORIGIN + 1] - oy, f[p + ORIGIN + 2] - oz
-        t = (f[p + NORMAL] * ax + f[p + NORMAL + 1] * ay + f[p + NORMAL + 2] * az) / slope
+        ax, ay, az = f[p + at.ORIGIN] - ox, f[p + at.ORIGIN + 1] - oy, f[p + at.ORIGIN + 2] - oz
+        t = (f[p + at.NORMAL] * ax + f[p + at.NORMAL + 1] * ay + f[p + at.NORMAL + 2] * az) / slope
         if t <= 1e-4 or t >= distance:
             continue
         qx, qy, qz = t * dx - ax, t * dy - ay, t * dz - az
-        x = qx * f[p + RIGHT] + qy * f[p + RIGHT + 1] + qz * f[p + RIGHT + 2]
-        y = qx * f[p + UP] + qy * f[p + UP + 1] + qz * f[p + UP + 2]
-        if abs(x) <= f[p + HALF] and abs(y) <= f[p + HALF + 1]:
+        x = qx * f[p + at.RIGHT] + qy * f[p + at.RIGHT + 1] + qz * f[p + at.RIGHT + 2]
+        y = qx * f[p + at.UP] + qy * f[p + at.UP + 1] + qz * f[p + at.UP + 2]
+        if abs(x) <= f[p + at.HALF] and abs(y) <= f[p + at.HALF + 1]:
             best, distance, bx, by = number, t, x, y
     return best, distance, bx, by
 
@@ -183,54 +153,54 @@ def bilinear_at(f, start, size, column, row):
 @compiled
 def grid_start(i, number, kind):
     """Return where a panel's grid of a kind begins."""
-    return i[LIGHT] + (number * 3 + kind) * GRID_POINTS * GRID_POINTS * 3
+    return i[at.LIGHT] + (number * 3 + kind) * at.GRID_POINTS * at.GRID_POINTS * 3
 
 
 @compiled
 def grid_at(f, i, number, kind, x, y):
     """Return the irradiance of a panel's grid at x, y on it."""
-    p = i[PANEL] + number * PANEL_SIZE
-    spread = f[p + GRID_SPREAD]
-    x, y = x - f[p + MIDDLE], y - f[p + MIDDLE + 1]
-    column = (x / (abs(x) + spread) + 1) * (GRID_POINTS / 2) - 0.5
-    row = (y / (abs(y) + spread) + 1) * (GRID_POINTS / 2) - 0.5
-    return bilinear_at(f, grid_start(i, number, kind), GRID_POINTS, column, row)
+    p = i[at.PANEL] + number * at.PANEL_SIZE
+    spread = f[p + at.GRID_SPREAD]
+    x, y = x - f[p + at.MIDDLE], y - f[p + at.MIDDLE + 1]
+    column = (x / (abs(x) + spread) + 1) * (at.GRID_POINTS / 2) - 0.5
+    row = (y / (abs(y) + spread) + 1) * (at.GRID_POINTS / 2) - 0.5
+    return bilinear_at(f, grid_start(i, number, kind), at.GRID_POINTS, column, row)
 
 
 @compiled
 def panel_point(f, i, number, column, row):
     """Return x, y on a panel of a point of its grids: dense around the middle, the outermost far away; inside it."""
-    p = i[PANEL] + number * PANEL_SIZE
-    g, h = (column + 0.5) / (GRID_POINTS / 2) - 1, (row + 0.5) / (GRID_POINTS / 2) - 1
-    x = f[p + MIDDLE] + f[p + GRID_SPREAD] * g / (1 - abs(g))
-    y = f[p + MIDDLE + 1] + f[p + GRID_SPREAD] * h / (1 - abs(h))
-    a, b = 0.999 * f[p + HALF], 0.999 * f[p + HALF + 1]
+    p = i[at.PANEL] + number * at.PANEL_SIZE
+    g, h = (column + 0.5) / (at.GRID_POINTS / 2) - 1, (row + 0.5) / (at.GRID_POINTS / 2) - 1
+    x = f[p + at.MIDDLE] + f[p + at.GRID_SPREAD] * g / (1 - abs(g))
+    y = f[p + at.MIDDLE + 1] + f[p + at.GRID_SPREAD] * h / (1 - abs(h))
+    a, b = 0.999 * f[p + at.HALF], 0.999 * f[p + at.HALF + 1]
     return min(max(x, -a), a), min(max(y, -b), b)
 
 
 @compiled
 def albedo_at(f, i, q, number, x, y, px, py, pz):
     """Return the albedo of a panel at x, y on it, which is p in the world."""
-    p = i[PANEL] + number * PANEL_SIZE
-    if f[p + GROUND] > 0:
-        dx, dy, dz = px - f[EYE], py - f[EYE + 1], pz - f[EYE + 2]
+    p = i[at.PANEL] + number * at.PANEL_SIZE
+    if f[p + at.GROUND] > 0:
+        dx, dy, dz = px - f[at.EYE], py - f[at.EYE + 1], pz - f[at.EYE + 2]
         length = math.sqrt(dx * dx + dy * dy + dz * dz)
         r, g, b = sky_at(i, q, FULL, 1, dx / length, dy / length, dz / length)
         return (
-            min(max(r * math.pi / f[FALLING], LEAST_ALBEDO), MOST_ALBEDO),
-            min(max(g * math.pi / f[FALLING + 1], LEAST_ALBEDO), MOST_ALBEDO),
-            min(max(b * math.pi / f[FALLING + 2], LEAST_ALBEDO), MOST_ALBEDO),
+            min(max(r * math.pi / f[at.FALLING], LEAST_ALBEDO), MOST_ALBEDO),
+            min(max(g * math.pi / f[at.FALLING + 1], LEAST_ALBEDO), MOST_ALBEDO),
+            min(max(b * math.pi / f[at.FALLING + 2], LEAST_ALBEDO), MOST_ALBEDO),
         )
-    size = i[PICTURE_SIDE]
-    a, b = x / f[p + MIRRORED_SIDE], y / f[p + MIRRORED_SIDE]
+    size = i[at.PICTURE_SIDE]
+    a, b = x / f[p + at.MIRRORED_SIDE], y / f[p + at.MIRRORED_SIDE]
     a, b = abs(a - 2 * math.floor((a + 1) / 2)), abs(b - 2 * math.floor((b + 1) / 2))  # mirrored: 0 to 1
-    return bilinear_at(f, i[PICTURE] + number * size * size * 3, size, a * size - 0.5, b * size - 0.5)
+    return bilinear_at(f, i[at.PICTURE] + number * size * size * 3, size, a * size - 0.5, b * size - 0.5)
 
 
 @compiled
 def is_blocked(f, i, w, first, ox, oy, oz, dx, dy, dz, most):
     """Return whether a body from number `first` on hides what lies along a ray."""
-    for b in range(first, i[BODIES]):
+    for b in range(first, i[at.BODIES]):
         if hit_body(f, i, w, b, ox, oy, oz, dx, dy, dz, most) >= 0.0:
             return True
     return False
@@ -239,30 +209,30 @@ def is_blocked(f, i, w, first, ox, oy, oz, dx, dy, dz, most):
 @compiled
 def toward_source(f, i, number, ox, oy, oz):
     """Return a direction to a source, irradiance on what faces it, the tangent of its radius, and its distance."""
-    s = i[SOURCE] + number * SOURCE_SIZE
-    if f[s + IS_BALL] == 0:
+    s = i[at.SOURCE] + number * at.SOURCE_SIZE
+    if f[s + at.IS_BALL] == 0:
         return (
-            f[s + AT],
-            f[s + AT + 1],
-            f[s + AT + 2],
-            f[s + POWER],
-            f[s + POWER + 1],
-            f[s + POWER + 2],
-            f[s + RADIUS],
+            f[s + at.AT],
+            f[s + at.AT + 1],
+            f[s + at.AT + 2],
+            f[s + at.POWER],
+            f[s + at.POWER + 1],
+            f[s + at.POWER + 2],
+            f[s + at.RADIUS],
             FAR_AWAY,
         )
-    dx, dy, dz = f[s + AT] - ox, f[s + AT + 1] - oy, f[s + AT + 2] - oz
-    distance = max(math.sqrt(dx * dx + dy * dy + dz * dz), 1.001 * f[s + RADIUS])
-    sine = f[s + RADIUS] / distance
+    dx, dy, dz = f[s + at.AT] - ox, f[s + at.AT + 1] - oy, f[s + at.AT + 2] - oz
+    distance = max(math.sqrt(dx * dx + dy * dy + dz * dz), 1.001 * f[s + at.RADIUS])
+    sine = f[s + at.RADIUS] / distance
     e = math.pi * sine * sine
     tangent = sine / math.sqrt(max(1 - sine * sine, 1e-6))
     return (
         dx / distance,
         dy / distance,
         dz / distance,
-        e * f[s + POWER],
-        e * f[s + POWER + 1],
-        e * f[s + POWER + 2],
+        e * f[s + at.POWER],
+        e * f[s + at.POWER + 1],
+        e * f[s + at.POWER + 2],
         tangent,
         distance,
     )

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from anyprobe_train.world import scene as at
 from anyprobe_train.world.hits import (
     FAR_AWAY,
     FULL,
@@ -22,29 +23,6 @@ from anyprobe_train.world.hits import (
 )
 from anyprobe_train.world.kernels import coat_along, diffuse_of, lamp_along, mirrored_along, seen_share, two_by_two
 from anyprobe_train.world.march import compiled
-from anyprobe_train.world.scene import (
-    BODIES,
-    BODY,
-    BODY_SIZE,
-    COAT_ALPHA,
-    EYE,
-    F0,
-    FREE,
-    GLOW,
-    GROUND,
-    HALF,
-    LIT,
-    MEAN,
-    NORMAL,
-    PANEL,
-    PANEL_SIZE,
-    POWER,
-    SKY_ROWS,
-    SOFT,
-    SOURCE,
-    SOURCE_COUNT,
-    SOURCE_SIZE,
-)
 from anyprobe_train.world.views import VIEW_AZIMUTHS, VIEW_RINGS
 
 OWN = 0.055
@@ -67,7 +45,7 @@ def seen_along(f, i, q, directions, cx, cy, cz, sky):
         dx, dy, dz = directions[c, 0], directions[c, 1], directions[c, 2]
         p, t, x, y = hit_panel(f, i, cx, cy, cz, dx, dy, dz, FAR_AWAY, -1)
         if p >= 0:
-            seen[c] = diffuse_of(f, i, q, p, FREE, x, y, cx + t * dx, cy + t * dy, cz + t * dz)
+            seen[c] = diffuse_of(f, i, q, p, at.FREE, x, y, cx + t * dx, cy + t * dy, cz + t * dz)
     return seen
 
 
@@ -75,7 +53,7 @@ def seen_along(f, i, q, directions, cx, cy, cz, sky):
 def received(f, i, w, q, points, normals, bits, directions, sky, seen, out):
     """Fill out [N, 3] with the soft light that falls on points of the object over that of `seen` without it in the
     way. bits: [N, 2] uint64, cells that the object hides from each."""
-    glow = i[BODY] + GLOW
+    glow = i[at.BODY] + at.GLOW
     for k in range(len(points)):
         nx, ny, nz = normals[k, 0], normals[k, 1], normals[k, 2]
         px, py, pz = points[k, 0] + OWN * nx, points[k, 1] + OWN * ny, points[k, 2] + OWN * nz
@@ -93,17 +71,17 @@ def received(f, i, w, q, points, normals, bits, directions, sky, seen, out):
             else:
                 p, t, x, y = hit_panel(f, i, px, py, pz, dx, dy, dz, FAR_AWAY, -1)
                 hidden = -1
-                for m in range(1, i[BODIES]):
+                for m in range(1, i[at.BODIES]):
                     if hit_body(f, i, w, m, px, py, pz, dx, dy, dz, t) >= 0:
                         hidden = m
                 if hidden > 0:
-                    e = i[BODY] + hidden * BODY_SIZE + GLOW
+                    e = i[at.BODY] + hidden * at.BODY_SIZE + at.GLOW
                     r, g, b = f[e], f[e + 1], f[e + 2]
-                elif p >= 0 and f[i[PANEL] + p * PANEL_SIZE + GROUND] > 0:
-                    r, g, b = diffuse_of(f, i, q, p, LIT, x, y, px + t * dx, py + t * dy, pz + t * dz)
+                elif p >= 0 and f[i[at.PANEL] + p * at.PANEL_SIZE + at.GROUND] > 0:
+                    r, g, b = diffuse_of(f, i, q, p, at.LIT, x, y, px + t * dx, py + t * dy, pz + t * dz)
                 elif p >= 0:
-                    r, g, b = grid_at(f, i, p, LIT, x, y)
-                    e = i[PANEL] + p * PANEL_SIZE + MEAN
+                    r, g, b = grid_at(f, i, p, at.LIT, x, y)
+                    e = i[at.PANEL] + p * at.PANEL_SIZE + at.MEAN
                     r, g, b = r * f[e] / math.pi, g * f[e + 1] / math.pi, b * f[e + 2] / math.pi
                 else:
                     r, g, b = sky[c, 0], sky[c, 1], sky[c, 2]
@@ -195,10 +173,10 @@ def mirrored(f, i, w, q, ox, oy, oz, nx, ny, nz, wx, wy, wz, alpha, samples, nea
             continue
         weight = 4 * visibility(no, iz, alpha) * no * iz / g1o  # G / G1
         solid = 4 * no / (samples * max(distribution(hz, alpha) * g1o, 1e-9))
-        level = level_of(solid * i[SKY_ROWS] * i[SKY_ROWS] / (2 * math.pi), i[SKY_ROWS])
+        level = level_of(solid * i[at.SKY_ROWS] * i[at.SKY_ROWS] / (2 * math.pi), i[at.SKY_ROWS])
         dx, dy, dz = ix * tx + iy * ux + iz * nx, ix * ty + iy * uy + iz * ny, ix * tz + iy * uz + iz * nz
         if near[cell_of(dx, dy, dz)] and hit_body(f, i, w, 0, px, py, pz, dx, dy, dz, FAR_AWAY) >= 0:
-            e = i[BODY] + GLOW
+            e = i[at.BODY] + at.GLOW
             r, g, c = f[e], f[e + 1], f[e + 2]
         else:
             r, g, c = mirrored_along(f, i, w, q, px, py, pz, dx, dy, dz, level)
@@ -228,14 +206,14 @@ def shade_object(f, i, w, q, points, normals, soft, albedo, f0, alpha, samples, 
     for k in range(len(points)):
         ox, oy, oz = points[k, 0], points[k, 1], points[k, 2]
         nx, ny, nz = normals[k, 0], normals[k, 1], normals[k, 2]
-        wx, wy, wz = f[EYE] - ox, f[EYE + 1] - oy, f[EYE + 2] - oz
+        wx, wy, wz = f[at.EYE] - ox, f[at.EYE + 1] - oy, f[at.EYE + 2] - oz
         length = 1 / math.sqrt(wx * wx + wy * wy + wz * wz)
         wx, wy, wz = wx * length, wy * length, wz * length
         e0, e1, e2 = soft[k, 0], soft[k, 1], soft[k, 2]
         hidden = near[place[k]]
         m = mirrored(f, i, w, q, ox, oy, oz, nx, ny, nz, wx, wy, wz, alpha, samples, hidden, seed + k)
         s0 = s1 = s2 = g0 = g1 = g2 = 0.0
-        for s in range(i[SOURCE_COUNT]):
+        for s in range(i[at.SOURCE_COUNT]):
             lx, ly, lz, _, _, _, tangent, _ = toward_source(f, i, s, ox, oy, oz)
             hides = tangent > CELL_TANGENT or hidden[cell_of(lx, ly, lz)]
             few = rays if hides or lx * nx + ly * ny + lz * nz < tangent else 1
@@ -269,7 +247,7 @@ def picture(f, i, w, q, camera, tangent, wanted, view, tan_half, radiance, cover
     """
     size = len(wanted)
     out = np.zeros((size, size, 3), np.float32)
-    ex, ey, ez = f[EYE], f[EYE + 1], f[EYE + 2]
+    ex, ey, ez = f[at.EYE], f[at.EYE + 1], f[at.EYE + 2]
     for row in range(size):
         for column in range(size):
             count, first, last = 0, 0.0, 0.0
@@ -288,7 +266,7 @@ def picture(f, i, w, q, camera, tangent, wanted, view, tan_half, radiance, cover
                 p, t, u, v = hit_panel(f, i, ex, ey, ez, dx, dy, dz, FAR_AWAY, -1)
                 lamp = lamp_along(f, i, ex, ey, ez, dx, dy, dz, t)
                 if lamp >= 0:
-                    e = i[SOURCE] + lamp * SOURCE_SIZE + POWER
+                    e = i[at.SOURCE] + lamp * at.SOURCE_SIZE + at.POWER
                     r, g, c = f[e], f[e + 1], f[e + 2]
                 elif p < 0:
                     r, g, c = sky_at(i, q, FULL, 0, dx, dy, dz)
@@ -309,14 +287,16 @@ def picture(f, i, w, q, camera, tangent, wanted, view, tan_half, radiance, cover
 def panel_seen(f, i, w, q, number, t, u, v, dx, dy, dz, view, tan_half, radiance, cover, draw, part):
     """Return the radiance of a panel at u, v on it, t along a ray from the eye: with the object, exact shadows of
     sources, and its coat. draw: number of the pixel, by which rays are drawn; part: which of its four points it is."""
-    p = i[PANEL] + number * PANEL_SIZE
-    nx, ny, nz = f[p + NORMAL], f[p + NORMAL + 1], f[p + NORMAL + 2]
-    qx, qy, qz = f[EYE] + t * dx + 1e-4 * nx, f[EYE + 1] + t * dy + 1e-4 * ny, f[EYE + 2] + t * dz + 1e-4 * nz
-    e0, e1, e2 = grid_at(f, i, number, SOFT, u, v)
+    p = i[at.PANEL] + number * at.PANEL_SIZE
+    nx, ny, nz = f[p + at.NORMAL], f[p + at.NORMAL + 1], f[p + at.NORMAL + 2]
+    qx, qy, qz = f[at.EYE] + t * dx + 1e-4 * nx, f[at.EYE + 1] + t * dy + 1e-4 * ny, f[at.EYE + 2] + t * dz + 1e-4 * nz
+    e0, e1, e2 = grid_at(f, i, number, at.SOFT, u, v)
     s0 = s1 = s2 = g0 = g1 = g2 = 0.0
-    f0, alpha = f[p + F0], f[p + COAT_ALPHA]
-    for s in range(i[SOURCE_COUNT]):
-        _, cosine, share = seen_share(f, i, w, s, qx, qy, qz, nx, ny, nz, 1, number, 0.0, i[BODIES] > 0, draw, part, 4)
+    f0, alpha = f[p + at.F0], f[p + at.COAT_ALPHA]
+    for s in range(i[at.SOURCE_COUNT]):
+        _, cosine, share = seen_share(
+            f, i, w, s, qx, qy, qz, nx, ny, nz, 1, number, 0.0, i[at.BODIES] > 0, draw, part, 4
+        )
         if share <= 0:
             continue
         _, _, _, er, eg, eb, _, _ = toward_source(f, i, s, qx, qy, qz)
@@ -331,10 +311,10 @@ def panel_seen(f, i, w, q, number, t, u, v, dx, dy, dz, view, tan_half, radiance
             g0 += er * share * grazing
             g1 += eg * share * grazing
             g2 += eb * share * grazing
-    if f[p + GROUND] > 0:
-        far = max(abs(u), abs(v)) / f[p + HALF]
+    if f[p + at.GROUND] > 0:
+        far = max(abs(u), abs(v)) / f[p + at.HALF]
         fade = min(max((1 - far) / 0.25, 0.0), 1.0)
-        fr, fg, fb = grid_at(f, i, number, FREE, u, v)
+        fr, fg, fb = grid_at(f, i, number, at.FREE, u, v)
         r, g, b = sky_at(i, q, FULL, 0, dx, dy, dz)
         return (
             r * (1 + fade * (min(e0 / max(fr, 1e-6), MOST_RATIO) - 1)),
@@ -347,7 +327,7 @@ def panel_seen(f, i, w, q, number, t, u, v, dx, dy, dz, view, tan_half, radiance
         return r, g, b
     r, g, b = r + f0 * s0 + (1 - f0) * g0, g + f0 * s1 + (1 - f0) * g1, b + f0 * s2 + (1 - f0) * g2
     no = -(nx * dx + ny * dy + nz * dz)
-    if i[BODIES] > 0 and alpha < 0.5 and no > 0:
+    if i[at.BODIES] > 0 and alpha < 0.5 and no > 0:
         one, two, three = (
             random(12 * draw + 3 * part),
             random(12 * draw + 3 * part + 1),
@@ -363,14 +343,14 @@ def panel_seen(f, i, w, q, number, t, u, v, dx, dy, dz, view, tan_half, radiance
             x, y, z = qx + away * rx, qy + away * ry, qz + away * rz
             kr, kg, kb = object_at(f, i, view, tan_half, radiance, cover, x, y, z)
             return r + weight * kr, g + weight * kg, b + weight * kb
-    kr, kg, kb = coat_along(f, i, q, number, LIT, REST, qx, qy, qz, dx, dy, dz)
+    kr, kg, kb = coat_along(f, i, q, number, at.LIT, REST, qx, qy, qz, dx, dy, dz)
     return r + kr, g + kg, b + kb
 
 
 @compiled
 def object_at(f, i, view, tan_half, radiance, cover, x, y, z):
     """Return the object's radiance at a point of it: what the eye sees there, or its mean."""
-    x, y, z = x - f[EYE], y - f[EYE + 1], z - f[EYE + 2]
+    x, y, z = x - f[at.EYE], y - f[at.EYE + 1], z - f[at.EYE + 2]
     a = view[0, 0] * x + view[1, 0] * y + view[2, 0] * z
     b = view[0, 1] * x + view[1, 1] * y + view[2, 1] * z
     c = -(view[0, 2] * x + view[1, 2] * y + view[2, 2] * z)
@@ -378,5 +358,5 @@ def object_at(f, i, view, tan_half, radiance, cover, x, y, z):
     column, row = int((a / c / tan_half + 1) * size / 2), int((1 - b / c / tan_half) * size / 2)
     if 0 <= column < size and 0 <= row < size and cover[row, column] > 0.5:
         return radiance[row, column, 0], radiance[row, column, 1], radiance[row, column, 2]
-    e = i[BODY] + GLOW
+    e = i[at.BODY] + at.GLOW
     return f[e], f[e + 1], f[e + 2]
