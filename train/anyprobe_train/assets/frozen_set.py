@@ -103,8 +103,7 @@ def _fetch(one: FrozenFile, to: Path, client: Client, host: str) -> Outcome:
     try:
         data = client.download(RemoteFile(url=url, md5=one.md5))
         with atomic_path(target) as temporary:
-            make = _make_map if target.suffix == ".exr" else _make_shape
-            make(one, data, temporary)
+            (_make_map if target.suffix == ".exr" else _make_shape)(one, data, temporary)
             found = hashlib.sha256(temporary.read_bytes()).hexdigest()
             if found != one.sha256:
                 raise DownloadError(

@@ -155,13 +155,14 @@ def evaluate(
 def _judged(predictions: Path | None, keys: list[str], model: str, title: str, hints: bool) -> dict[str, Method]:
     """Return the method to judge beside the baselines: maps of a folder, or a model."""
     from anyprobe.estimate.runtime import Models
-    from anyprobe_train.evaluate.benchmark import predicted, read_predictions
-    from anyprobe_train.evaluate.methods import baselines, model_methods, truth_methods
+    from anyprobe_train.evaluate.benchmark import read_predictions
+    from anyprobe_train.evaluate.methods import Estimate, baselines, model_methods, truth_methods
 
     if predictions is not None:
         if title in baselines() | truth_methods():
             raise InputError(f"expected a folder named after its program, got {title!r}; rename it", source=predictions)
-        return {title: predicted(read_predictions(predictions, keys))}
+        maps = read_predictions(predictions, keys)
+        return {title: lambda pair: Estimate.of_map(maps[pair.recipe.key])}
     runtime = Models(model)
     if hints and not runtime.takes:
         text = f"expected a model that takes normals, got {title}"

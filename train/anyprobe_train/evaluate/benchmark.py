@@ -1,7 +1,7 @@
 """A test set for other programs: its photos as files, and the programs' maps read back to be scored."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +13,6 @@ from anyprobe.light.environment import MAP_HEIGHT, reduced
 from anyprobe.maps.radiance import read_radiance
 from anyprobe.pictures.images import write_png
 from anyprobe_train.dataset.pair import Pair
-from anyprobe_train.evaluate.methods import Estimate, Method
 
 _SUFFIXES = (".exr", ".hdr")
 _FRAME = (
@@ -83,8 +82,3 @@ def _read(path: Path) -> np.ndarray:
     if len(radiance) < MAP_HEIGHT:
         return bilinear(radiance, direction_to_uv(pixel_directions(MAP_HEIGHT)).astype(np.float32))
     return np.asarray(reduced(radiance, MAP_HEIGHT), np.float32)
-
-
-def predicted(maps: Mapping[str, np.ndarray]) -> Method:
-    """Return the method that answers with a map [64, 128, 3] by the pair's key."""
-    return lambda pair: Estimate.of_map(maps[pair.recipe.key])

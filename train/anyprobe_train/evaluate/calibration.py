@@ -33,7 +33,7 @@ class Calibration:
 
         groups: those that its pair belongs to; "all" goes without saying.
         """
-        right = right_of(ldr, true_ldr)
+        right = np.abs(np.asarray(ldr, np.float64) - true_ldr).mean(axis=-1) < CLOSE
         weight = np.broadcast_to(pixel_solid_angles(len(right)), right.shape)
         bins = np.minimum((confidence * FINE).astype(int), FINE - 1)
         is_seen_half = pixel_directions(len(right))[..., 2] > 0
@@ -118,8 +118,3 @@ def _auc(weight: np.ndarray, right: np.ndarray) -> float | None:
 
 def _short(value: float) -> float:
     return round(float(value), 4) + 0.0  # not -0
-
-
-def right_of(ldr: np.ndarray, true_ldr: np.ndarray) -> np.ndarray:
-    """Return which display values [..., 3] are close to the true ones."""
-    return np.abs(np.asarray(ldr, np.float64) - true_ldr).mean(axis=-1) < CLOSE

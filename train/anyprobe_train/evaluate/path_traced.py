@@ -153,7 +153,8 @@ def trace_mesh(
     tracer = mi.load_dict({"type": "path", "max_depth": MAX_DEPTH})
     pixels = camera.size**2
     total, count, paths = np.zeros((pixels, 3)), np.zeros(pixels), 1 << (num_paths - 1).bit_length()
-    each = _square_count(min(paths, max(1, PATHS_AT_ONCE // pixels)))
+    most = min(paths, max(1, PATHS_AT_ONCE // pixels))
+    each = 1 << ((most.bit_length() - 1) // 2 * 2)  # a power of four: the sampler rounds others up to one
     jitter = hammersley(paths)
     for start in range(0, paths, each):
         direction = _rays(camera, jitter[start : start + each])
@@ -176,11 +177,6 @@ def trace_mesh(
     picture[:, :3] = total / np.maximum(count, 1)[:, None]
     picture[:, 3] = count / paths
     return picture.reshape(camera.size, camera.size, 4)
-
-
-def _square_count(most: int) -> int:
-    """Return the largest power of four up to a number: the sampler rounds others up to what it can stratify."""
-    return 1 << ((most.bit_length() - 1) // 2 * 2)
 
 
 def _rays(camera: Camera, jitter: np.ndarray) -> np.ndarray:

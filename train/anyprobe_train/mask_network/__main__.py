@@ -14,7 +14,7 @@ from anyprobe.errors import InputError
 from anyprobe_train.cli.run import Data, DryRun, Keep, Runs, Steps
 from anyprobe_train.mask_network.mask_export import export_mask
 from anyprobe_train.mask_network.mask_training import MaskRunConfig, small_mask_run, train_mask
-from anyprobe_train.train.checkpoint import keep_apart, save_init_weights
+from anyprobe_train.train.checkpoint import save_init_weights
 
 RUNS_DIR = Path("runs")
 WEIGHTS = Path("src/anyprobe/weights/mask")
@@ -62,7 +62,6 @@ def export(
     """Export a trained run as ONNX and check it against torch."""
     checkpoint = run / "checkpoint.pt" if run.is_dir() else run
     if keep is not None:
-        keep_apart(checkpoint, keep)
         save_init_weights(checkpoint, keep)
     print(f"{to / 'mask.onnx'}: within {export_mask(checkpoint, to):.2g} of torch")
     if keep is not None:

@@ -5,14 +5,11 @@ from torch import nn
 from torch.nn import functional as F
 
 
-def has_bfloat16(device: torch.device | str) -> bool:
-    """Return whether the device computes in bfloat16; a processor without it takes seconds per convolution."""
-    return torch.device(device).type != "cpu" or torch.ops.mkldnn._is_mkldnn_bf16_supported()
-
-
 def autocast(device: torch.device | str) -> torch.autocast:
-    """Enable bfloat16 arithmetic if the device has it."""
-    return torch.autocast(torch.device(device).type, dtype=torch.bfloat16, enabled=has_bfloat16(device))
+    """Enable bfloat16 arithmetic if the device has it; a processor without it would take seconds per convolution."""
+    kind = torch.device(device).type
+    is_there = kind != "cpu" or torch.ops.mkldnn._is_mkldnn_bf16_supported()
+    return torch.autocast(kind, dtype=torch.bfloat16, enabled=is_there)
 
 
 def wrap(x: torch.Tensor, columns: int) -> torch.Tensor:

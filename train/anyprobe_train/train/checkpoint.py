@@ -147,16 +147,10 @@ def save_weights(weights: Mapping[str, torch.Tensor], path: Path, pairs: int | N
         name: value.half() if value.is_floating_point() and value.numel() >= SMALL else value
         for name, value in weights.items()
     }
-    with atomic_path(path) as temporary:
-        _save_deflated(halved if pairs is None else {"nets": halved, "pairs": pairs}, temporary)
-
-
-def _save_deflated(weights: dict[str, Any], path: Path) -> None:
-    """Save weights as torch.save does, but compressed; torch.load reads it. Half floats shrink by a twelfth."""
     plain = io.BytesIO()
-    torch.save(weights, plain)
-    with zipfile.ZipFile(plain) as source, zipfile.ZipFile(path, "w") as target:
-        for name in source.namelist():
+    torch.save(halved if pairs is None else {"nets": halved, "pairs": pairs}, plain)
+    with atomic_path(path) as temporary, zipfile.ZipFile(plain) as source, zipfile.ZipFile(temporary, "w") as target:
+        for name in source.namelist():  # torch.load reads it; half floats shrink by a twelfth
             target.writestr(zipfile.ZipInfo(name), source.read(name), zipfile.ZIP_DEFLATED, compresslevel=9)
 
 
@@ -183,10 +177,6 @@ def read_init_weights(path: Path) -> tuple[dict[str, torch.Tensor], int | None]:
         weights, pairs = (stored["nets"], stored.get("pairs")) if stored.get("nets") else (stored, None)
         return {name: value.float() if value.is_floating_point() else value for name, value in weights.items()}, pairs
     except Exception as error:  # torch raises many kinds for a damaged file
-        raise _not_of_this_run(path, " ".join(str(error).split())[:80]) from error
-
-
-def _not_of_this_run(path: Path, found: str) -> ModelError:
-    return ModelError(
-        f"expected weights of this run, saved by `anyprobe-train export --keep`, got {found}", source=path
-    )
+        found = " ".join(str(error).split())[:80]
+        text = f"expected weights of this run, saved by `anyprobe-train export --keep`, got {found}"
+        raise ModelError(text, source=path) from error

@@ -13,6 +13,7 @@ from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.light.light_sources import split_sources
 from anyprobe.scatter.materials import Material
 from anyprobe_train.dataset.mask_errors import disturb_mask, gross_error
+from anyprobe_train.world.kernels import probe_map
 from anyprobe_train.world.layout import Layout, Standing, draw_layout
 from anyprobe_train.world.lights import Light, draw_light
 from anyprobe_train.world.look import Look, develop, draw_look
@@ -33,7 +34,6 @@ from anyprobe_train.world.photo import (
     see_other,
     share_in_photo,
     standing_points,
-    truth_of,
 )
 from anyprobe_train.world.views import CAMERAS, SHAPES, Views, shape_files
 from anyprobe_train.world.windows import on_sphere, window_resampled
@@ -206,7 +206,7 @@ def trace(
         behind = background_of(scene, frame, seen, wanted, seed + 2)
         for other in others:
             behind = other[..., :3] + (1 - other[..., 3:]) * behind
-    truth = truth_of(scene, frame, float(view["top"]))
+    truth = probe_map(*scene, 0.0, float(view["top"]) / 2, 0.0, frame.camera, 64)
     return Traced(
         layout=layout,
         view=view,

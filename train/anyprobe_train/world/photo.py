@@ -12,7 +12,7 @@ from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.scatter.materials import Material
 from anyprobe_train.dataset import distributions
 from anyprobe_train.dataset.textured import lay
-from anyprobe_train.world.kernels import light_panels, probe_map
+from anyprobe_train.world.kernels import light_panels
 from anyprobe_train.world.layout import Layout, Standing, build_scene
 from anyprobe_train.world.maps import Maps
 from anyprobe_train.world.scene import BODY, BODY_SIZE, EYE, GLOW, SKY_ROWS, TEXELS, TracedScene
@@ -286,11 +286,6 @@ def plane_box(seen: Seen, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
 def object_over(seen: Seen, frame: Frame, window: tuple[float, float, float, float], size: int) -> np.ndarray:
     """Return premultiplied radiance and cover of the object over a window of the photo's plane, [size, size, 4]."""
     return over_window(seen.covered, seen, frame, window, size)
-
-
-def truth_of(scene: TracedScene, frame: Frame, top: float) -> np.ndarray:
-    """Return what a probe in the object's place sees, [64, 128, 3] in the camera's frame."""
-    return probe_map(*scene, 0.0, top / 2, 0.0, frame.camera, 64)
 
 
 def background_of(scene: TracedScene, frame: Frame, seen: Seen | None, wanted: np.ndarray, seed: int) -> np.ndarray:
