@@ -60,10 +60,6 @@ class FrozenFile:
     radius: str
 
     @property
-    def url_path(self) -> str:
-        return f"/{self.repository}/{self.commit}/{self.path}"
-
-    @property
     def source(self) -> str:
         return f"{self.repository}: {self.path}"
 
@@ -99,7 +95,7 @@ def _fetch(one: FrozenFile, to: Path, client: Client, host: str) -> Outcome:
     if not one.md5:
         why = f"prepared by software that was not recorded, from {one.source}"
         return Outcome(name=one.file, status="cannot be had", why=why)
-    url = host.rstrip("/") + one.url_path
+    url = f"{host.rstrip('/')}/{one.repository}/{one.commit}/{one.path}"
     try:
         data = client.download(RemoteFile(url=url, md5=one.md5))
         with atomic_path(target) as temporary:

@@ -132,21 +132,17 @@ def meter(
     return shot, exposure(shot, object_mean, float(scene))
 
 
-def gaussian_rows(size: int, sigma: float) -> np.ndarray:
-    """Return a matrix [size, size] whose row i weighs a line's pixels around pixel i; rows sum to 1 at borders too.
+def blur(planes, sigma: float):
+    """Blur pictures [..., S, S] by a Gaussian of sigma > 0 pixels: G p G^T.
 
-    Zero from 5 sigma on: products of the tail's tiny numbers would make it 20 times slower.
+    Row i of G [S, S] weighs a line's pixels around pixel i; rows sum to 1 at borders too. They are zero from 5 sigma
+    on: products of the tail's tiny numbers would make it 20 times slower.
     """
-    x = np.arange(size, dtype=np.float32)
+    xp = array_namespace(planes)
+    x = np.arange(planes.shape[-1], dtype=np.float32)
     distance = np.abs(x[:, None] - x) / sigma
     weights = np.where(distance < 5.0, np.exp(-0.5 * distance**2), 0.0).astype(np.float32)
-    return weights / weights.sum(axis=1, keepdims=True)
-
-
-def blur(planes, sigma: float):
-    """Blur pictures [..., S, S] by a Gaussian of sigma > 0 pixels: G p G^T."""
-    xp = array_namespace(planes)
-    rows = xp.asarray(gaussian_rows(planes.shape[-1], sigma), device=device(planes))
+    rows = xp.asarray(weights / weights.sum(axis=1, keepdims=True), device=device(planes))
     return rows @ planes @ rows.T
 
 

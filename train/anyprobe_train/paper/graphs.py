@@ -12,7 +12,6 @@ from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import CONTRACT, PHOTO_SIZE, STAGES, model_id, weights_folder
 from anyprobe.files.atomic import atomic_path
 from anyprobe_train.paper.networks import in_chain
-from anyprobe_train.paper.open_tables import about_tables
 from anyprobe_train.paper.pieces import piece_named, steps_of
 from anyprobe_train.paper.settings import SETTINGS, Setting
 from anyprobe_train.paper.training import checkpoint_of, load_net, log_of, stored
@@ -55,15 +54,15 @@ def export_chain(runs: Path, setting: Setting, folder: Path) -> dict[str, float]
         recipe = {"run": f"paper {name}", "steps": str(steps[stage][0]), "pairs": str(steps[stage][0] * setting.batch)}
         recipe |= {"config": json.dumps({**asdict(setting), **stored(runs, name)["piece"]})}
         said = {**CONTRACT, "stage": stage, "computes": FLOATS, **recipe}
-        differences[stage] = write_graph(
-            stage, graph, (_smooth_picture(*picture),), said, folder / f"{stage}.onnx", TOLERANCE
-        )
+        coarse = torch.rand((1, picture[0], 8, 8), generator=torch.Generator().manual_seed(0))
+        example = F.interpolate(coarse, size=picture[1:], mode="bilinear", align_corners=False)  # as smooth as photos
+        differences[stage] = write_graph(stage, graph, (example,), said, folder / f"{stage}.onnx", TOLERANCE)
         sizes[stage] = sum(weights.numel() for weights in net.parameters())
     rows = [
         f"| `{stage}.onnx` | {sizes[stage] / 1e6:.1f} M | {step:,} of {end:,} | {step * setting.batch:,} |"
         for stage, (step, end) in steps.items()
     ]
-    about = about_tables(runs, "train")
+    about = json.loads((runs / "tables" / "train" / "about.json").read_text(encoding="utf-8"))
     scored = next((line for line in reversed(log_of(runs, "ours")) if "box rmse" in line), {})
     card = CARD.format(
         model=model_id(str(folder)),
@@ -78,12 +77,6 @@ def export_chain(runs: Path, setting: Setting, folder: Path) -> dict[str, float]
     with atomic_path(folder / "README.md") as path:
         path.write_text(card, encoding="utf-8")
     return differences
-
-
-def _smooth_picture(channels: int, rows: int, columns: int) -> torch.Tensor:
-    """Draw a picture in [0, 1] as smooth as photos, [1, channels, rows, columns]."""
-    coarse = torch.rand((1, channels, 8, 8), generator=torch.Generator().manual_seed(0))
-    return F.interpolate(coarse, size=(rows, columns), mode="bilinear", align_corners=False)
 
 
 CARD = """# Model card: `paper`

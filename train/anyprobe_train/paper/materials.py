@@ -8,11 +8,8 @@ Color = float | tuple[float, float, float]
 
 
 def _material(albedo: Color, f0: Color, alpha: float) -> Material:
-    return Material(albedo=_three(albedo), f0=_three(f0), alpha=alpha)
-
-
-def _three(color: Color) -> np.ndarray:
-    return np.broadcast_to(np.asarray(color, np.float32), 3).copy()
+    diffuse, coat = (np.broadcast_to(np.asarray(color, np.float32), 3).copy() for color in (albedo, f0))
+    return Material(albedo=diffuse, f0=coat, alpha=alpha)
 
 
 MATERIALS = (

@@ -1,9 +1,7 @@
 """Which maps and shapes the tables of a reproduction hold."""
 
-import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from anyprobe_train.dataset.asset_store import load_asset_store
 from anyprobe_train.paper.settings import Setting
@@ -13,11 +11,6 @@ OWN_SHAPES = 8
 """Procedural shapes of a split that has no others."""
 SPLITS = {"train": ("sphere",), "test": FRAMES}
 """Tables by name, and what fills their pictures."""
-
-
-def about_tables(runs: Path, split: str) -> dict[str, Any]:
-    """Return what the tables of a split hold: names of maps and shapes, exposures, and which maps are measured."""
-    return json.loads((runs / "tables" / split / "about.json").read_text(encoding="utf-8"))
 
 
 def open_tables(

@@ -23,7 +23,7 @@ from anyprobe_train.paper.pieces import Shown
 from anyprobe_train.paper.real_photos import LampPhoto, RealPhotos, cropped, lamp_photos
 from anyprobe_train.paper.rivals import TO_EYE, spheres_of
 from anyprobe_train.paper.scores import BLOCK, blocks
-from anyprobe_train.paper.sheets import LINE, PICTURE_ROWS, as_bytes, columns_of, picture_sheet
+from anyprobe_train.paper.sheets import LINE, PICTURE_ROWS, as_bytes, as_pictures, columns_of, picture_sheet
 
 LAMPS = ("real_lights", "real_figures")
 """Folders in the data with photos under one lamp."""
@@ -170,11 +170,6 @@ def beside(left: np.ndarray, right: np.ndarray, label: str) -> np.ndarray:
     both = Image.fromarray(np.concatenate([left, (right * 255 + 0.5).astype(np.uint8)], axis=1))
     ImageDraw.Draw(both).text((both.width - 36, 2), label, fill="white")
     return np.asarray(both)
-
-
-def as_pictures(pictures: torch.Tensor) -> np.ndarray:
-    """Return [N, H, W, C] of [N, C, H, W]."""
-    return np.moveaxis(pictures.numpy(), 1, -1)
 
 
 def lights_of(ldr: torch.Tensor) -> np.ndarray:

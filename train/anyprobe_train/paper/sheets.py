@@ -22,6 +22,11 @@ def heat(radiance: torch.Tensor) -> torch.Tensor:
     return torch.from_numpy(np.stack(colors, axis=1).astype(np.float32))
 
 
+def as_pictures(pictures: torch.Tensor) -> np.ndarray:
+    """Return [N, H, W, C] of [N, C, H, W]."""
+    return np.moveaxis(pictures.cpu().numpy(), 1, -1)
+
+
 def as_bytes(pictures: torch.Tensor) -> np.ndarray:
     """Convert display values [N, 3, H, W] to [N, H, W, 3] uint8."""
     return (pictures.clip(0.0, 1.0).permute(0, 2, 3, 1).numpy() * 255 + 0.5).astype(np.uint8)

@@ -17,6 +17,7 @@ from anyprobe_train.paper.networks import in_chain, ln_of_scaled, scaled_ln
 from anyprobe_train.paper.pairs import PaperPairs, balanced
 from anyprobe_train.paper.scores import blocks
 from anyprobe_train.paper.settings import Setting
+from anyprobe_train.paper.sheets import as_pictures
 from anyprobe_train.paper.tables import Tables
 from anyprobe_train.paper.training import load_net
 
@@ -69,7 +70,7 @@ def score_designs(runs: Path, setting: Setting, tables: Tables, mean_map: torch.
                 truth = {"irradiance": pairs.irradiance[:, :3], "ldr": pairs.ldr, "hdr": scaled_ln(pairs.ln_radiance)}[
                     stage
                 ]
-                for one, true in zip(_last(estimate), _last(truth), strict=True):
+                for one, true in zip(as_pictures(estimate), as_pictures(truth), strict=True):
                     shown = (one, true) if stage != "hdr" else (_toned(one), _toned(true))
                     values = {"PSNR": psnr(one, true), "RMSE": rmse(one, true), "SSIM": ssim(*shown)}
                     for figure, value in values.items():
@@ -101,10 +102,6 @@ def _methods(nets: dict, pairs: PaperPairs, mean_map: torch.Tensor) -> Iterator[
 
 def _scaled(radiance: torch.Tensor) -> torch.Tensor:
     return scaled_ln(radiance.clip(min=1e-6).log()).clip(0.0, 1.0)
-
-
-def _last(pictures: torch.Tensor) -> np.ndarray:
-    return np.ascontiguousarray(pictures.permute(0, 2, 3, 1).cpu().numpy(), np.float64)
 
 
 def _toned(scaled: np.ndarray) -> np.ndarray:

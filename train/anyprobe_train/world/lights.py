@@ -228,7 +228,8 @@ def draw_light(rng: np.random.Generator, maps: Maps, kind: str) -> Light:
     white = tint(rng, TINT if kind != "ground" else 0.5 * TINT)
     radiance = varied(radiance, float(np.exp(rng.normal(0.0, CONTRAST))), white)
     if kind == "dark":
-        return make_light(_dark(rng, radiance), np.nan, name, 0)
+        left = np.float32(np.exp(rng.uniform(np.log(1e-4), np.log(0.08))))  # of a room's own light
+        return make_light(np.maximum(radiance * left, 1e-6), np.nan, name, 0)
     if rng.random() < MOVED.get(kind, 0.0):
         light = make_light(radiance, outdoors, name)
         radiance = light.sky[len(light.sky) // 2 :][: 2 * LIGHT_ROWS**2].reshape(LIGHT_ROWS, 2 * LIGHT_ROWS, 3).copy()
@@ -240,11 +241,6 @@ def draw_light(rng: np.random.Generator, maps: Maps, kind: str) -> Light:
             power = 4 * np.pi * np.exp(rng.uniform(*np.log(LAMP_POWER))) * tint(rng, LAMP_TINT)
             _add(rng, radiance, lamp_direction(rng), float(radius), power)
     return make_light(radiance, outdoors, name)
-
-
-def _dark(rng: np.random.Generator, room: np.ndarray) -> np.ndarray:
-    """Return what is left of a room's own light."""
-    return np.maximum(room * np.float32(np.exp(rng.uniform(np.log(1e-4), np.log(0.08)))), 1e-6)
 
 
 def _add(rng: np.random.Generator, radiance: np.ndarray, way: np.ndarray, radius: float, power: np.ndarray) -> None:
