@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,7 @@ from anyprobe.export.target_frames import FRONT, TargetFrame
 from anyprobe.files.paths import is_there, read_regular
 from anyprobe.light.environment import check_radiance, rotate
 from anyprobe.light.harmonics import directionality, project
-from anyprobe.light.light_sources import LightSource, split_dominant_light, split_sources, turned_said
+from anyprobe.light.light_sources import LightSource, split_dominant_light, split_sources
 from anyprobe.maps.radiance import HALF_MAX, HALF_MIN, map_attributes, read_radiance, write_exr, write_hdr
 
 EXPORT_SCALE = (
@@ -100,26 +100,23 @@ def prepare(
     if not abs(exposure_ev) <= 30:
         raise InputError(f"expected stops from -30 to 30, got {exposure_ev}; 1 doubles the light", subject="exposure")
     turn = np.eye(3) if world_from_camera is None else check_pose(world_from_camera, "world_from_camera")
-    radiance = check_radiance(radiance, name)
-    if not np.array_equal(turn, np.eye(3)):
-        radiance = np.maximum(rotate(radiance, turn), 0.0)
-    radiance = check_radiance(radiance * np.float32(2.0**exposure_ev), name)
+    gain = np.float32(2.0**exposure_ev)
+    radiance = check_radiance(check_radiance(radiance, name) * gain, name)
     if radiance.max() > BRIGHTEST_RADIANCE:
         raise InvalidEnvironment(
             f"expected radiance of at most {BRIGHTEST_RADIANCE:g}, got {radiance.max():.3g}; divide all of "
             "it by one number, or lower the exposure",
             source=name,
         )
-    said = turned_said(said_sources, turn)
-    main, ambient = split_dominant_light(radiance, said)
-    lights: tuple[LightSource, ...] = (main,)
-    if sources:
-        lights, ambient = split_sources(radiance, said)
+    main, ambient = split_dominant_light(radiance, said_sources)
+    lights, ambient = split_sources(radiance, said_sources) if sources else ((main,), ambient)
+    radiance, ambient = (_turned(one, turn) for one in (radiance, ambient))
+    main, *others = (replace(one, direction=(turn @ one.direction).astype(np.float32)) for one in (main, *lights))
     return ExportedLight(
         radiance=radiance,
         ambient=ambient,
         main=main,
-        lights=lights,
+        lights=tuple(others),
         sh_full=project(radiance),
         sh_ambient=project(ambient),
         name=name,
@@ -128,6 +125,10 @@ def prepare(
         origin=_known(dict(origin or {})),
         error_deg=error_deg,
     )
+
+
+def _turned(radiance: np.ndarray, turn: np.ndarray) -> np.ndarray:
+    return radiance if np.array_equal(turn, np.eye(3)) else np.maximum(rotate(radiance, turn), 0.0)
 
 
 def origin_of(estimate: Mapping[str, Any]) -> dict[str, Any]:
