@@ -43,7 +43,9 @@ def limits(
     pairs: Annotated[int, Parameter(help="The first so many."), bounded(1)] = 1000,
     kept: Annotated[Path | None, Parameter(help="Folder that keeps rendered pairs, a folder for each part.")] = None,
     model: Annotated[str, Parameter(help="Bundled model, or a folder of graphs.")] = DEFAULT_MODEL,
-    sphere: Annotated[bool, Parameter(help="Also the linear limit of a perfect sphere.")] = True,
+    sphere: Annotated[
+        bool, Parameter(negative="--no-sphere", help="Also the linear limit of a perfect sphere.")
+    ] = True,
     out: Annotated[Path, Parameter(name=("--out", "-o"), help="Folder for limits-PART.json.")] = Path("runs"),
 ) -> None:
     """Score a model by kind of material and alpha, with nothing, normals, material and both given."""
