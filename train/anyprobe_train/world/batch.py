@@ -39,7 +39,7 @@ from anyprobe_train.world.views import CAMERAS, SHAPES, Views, shape_files
 from anyprobe_train.world.windows import on_sphere, window_resampled
 
 PHOTO_FAMILIES = ("ground", "table", "things", "dark", "procedural", "cut_out", "no_object")
-SHARES = (0.25, 0.21, 0.19, 0.09, 0.08, 0.13, 0.05)
+SHARES = (0.22, 0.18, 0.17, 0.09, 0.08, 0.21, 0.05)
 LIGHT_OF = {"ground": "ground", "table": "real", "things": "real", "dark": "dark", "procedural": "procedural"}
 PHOTOS_OF_LIGHT = 6
 """Photos that share a light, each with another object, camera and layout."""
@@ -226,7 +226,7 @@ def trace(
 def _surroundings(family: str, rng: np.random.Generator) -> str:
     """Return the family whose layout a photo has."""
     if family == "cut_out":
-        return ("none", "table", "things")[rng.integers(3)]
+        return ("none", "none", "table", "things")[rng.integers(4)]
     if family == "no_object":
         return ("ground", "none", "table", "things")[rng.integers(4)]
     return family

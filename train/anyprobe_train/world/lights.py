@@ -26,7 +26,7 @@ JOINED, JOIN_DEG = 0.6, (50.0, 180.0)
 into each other: else a network learns places by heart, and tells from what is in front what is behind."""
 STRETCHED = 0.3
 """Most that a light is stretched and pressed along the horizon, as a share."""
-MOVED = {"real": 0.85, "ground": 0.75}
+MOVED = {"real": 0.6, "ground": 0.4}
 """Shares of lights whose sources are moved: else a network knows by what is seen of a map where its sources are."""
 LAMP_DEG, LAMP_POWER, LAMP_TINT = (1.0, 20.0), (0.1, 3.0), 0.3
 """Bounds of a lamp's radius, of its power as a share of all other light, and its colour's spread."""

@@ -39,11 +39,13 @@ class Look:
 
 
 def draw_look(rng: np.random.Generator, object_mean: float | None, frame: np.ndarray, truth: np.ndarray) -> Look:
-    """Draw a camera that meters the luminance of pixels [N] of the frame and of the object, in light [64, 128, 3]."""
+    """Draw a camera that meters the luminance of pixels [N] of the frame and of the object, in light [64, 128, 3]; of a
+    cut-out, which has no frame, of the light that stood behind it."""
     weight = float(distributions.draw_metering(rng, 1)[0][0])
     key = KEY * float(np.exp(rng.normal(0.0, KEY_SPREAD)))
     power = distributions.FRAME_POWER
-    level = float((frame**power).mean() ** (1 / power)) if len(frame) else float(object_mean or 1.0)
+    metered = (frame**power).mean() ** (1 / power) if len(frame) else distributions.frame_level(luminance(truth))
+    level = float(metered)
     mean = level if object_mean is None else object_mean
     gain = float(distributions.metered_gain(mean, level, weight, key))
     if object_mean is not None:

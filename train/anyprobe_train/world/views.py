@@ -21,7 +21,7 @@ from anyprobe_train.dataset.catalog import STRANGE_MESHES, allows_commercial_use
 from anyprobe_train.dataset.drawn_shapes import draw_shape, figure, part, stretched, transformed, waved
 from anyprobe_train.world.march import hidden_bits, nearest_faces
 
-VERSION = 2
+VERSION = 3
 """Raised whenever the same shape number would give other views."""
 SEEN_PX, COARSE = 96, 48
 """Sides of what is kept of a view, and of where cells are."""
@@ -30,7 +30,7 @@ MARGIN = 1.06
 VIEW_AZIMUTHS, VIEW_RINGS = 16, 8
 SHAPES, CAMERAS = 16, 3
 """Shapes in a file, and cameras that see each."""
-PITCH_DEG = (1.0, 58.0)
+PITCH_DEG = (1.0, 80.0)
 TANGENT = (0.05, 0.62)
 """Bounds of the tangent that the unit sphere is seen under; even in the logarithm."""
 KINDS = (0.64, 0.12, 0.12, 0.12)
