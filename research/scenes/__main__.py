@@ -1,4 +1,4 @@
-"""python -m research.scenes: commands light-pairs, sheet, score, inserted.
+"""python -m research.scenes: commands light-pairs, cut-outs, sheet, score, inserted.
 
 Rendering needs Mitsuba 3, mitsuba-oidn and an LLVM of 17 or newer.
 """
@@ -43,6 +43,21 @@ def light_pairs(
     from research.scenes.light_pairs import make_light_pairs
 
     for path in make_light_pairs(data, out, scenes, part, first):
+        print(path)
+
+
+@app.command(name="cut-outs")
+def cut_outs(
+    *,
+    data: Data,
+    out: Annotated[Path, Parameter(name=("--out", "-o"), help="Folder of the files.")] = Path("runs/traced"),
+    count: Annotated[int, Parameter(help="Cut-outs."), bounded(1)] = 10_000,
+    first: Annotated[int, Parameter(help="Number of the first one."), bounded(0)] = 0,
+) -> None:
+    """Render objects of training without surroundings, seen from any height, for anyprobe-train run light."""
+    from research.scenes.cut_outs import make_cut_outs
+
+    for path in make_cut_outs(data, out, count, first):
         print(path)
 
 

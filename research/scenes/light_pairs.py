@@ -46,13 +46,21 @@ def row_of(views: LightViews, photo: TakenPhoto, fov_deg: float, up: np.ndarray,
     rgb = photo.picture / 255.0
     if family == "cut_out":
         rgb = rgb * photo.mask[..., None]
+    given = given_of(rgb, photo.mask, photo.long_fov_deg)
+    return row_of_inputs(views, given, photo.truth, fov_deg, up, family, outdoors)
+
+
+def row_of_inputs(
+    views: LightViews, given: Given, truth: np.ndarray, fov_deg: float, up: np.ndarray, family: str, outdoors: float
+) -> dict:
+    """Return those arrays of what the graph is given; truth: the light [64, 128, 3] in the camera's frame."""
     with torch.no_grad():
-        inputs, _ = views(given_of(rgb, photo.mask, photo.long_fov_deg))
+        inputs, _ = views(given)
     pictures = {
         name: np.round(255 * getattr(inputs, name)[0].permute(1, 2, 0).numpy()).astype(np.uint8)
         for name in ("context", "crop", "seen")
     }
-    truth = np.minimum(photo.truth, 6e4).astype(np.float16)
+    truth = np.minimum(truth, 6e4).astype(np.float16)
     sources, soft = sources_of(truth.astype(np.float32))
     return {
         **pictures,

@@ -10,7 +10,7 @@ import numpy as np
 from anyprobe_train.light.left_out_light import kept_batches
 from anyprobe_train.world.batch import LightBatch
 
-SHARE = 0.5
+SHARE = 0.6
 """Share of path-traced photos in a batch, where there are any."""
 NAMES = tuple(one.name for one in fields(LightBatch))
 

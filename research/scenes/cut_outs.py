@@ -1,0 +1,69 @@
+"""Cut-outs as `anyprobe-train evaluate` renders them, from any height of the camera, as the light network sees them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from anyprobe.estimate.ground import up_of
+from anyprobe.estimate.light_graph import INPUTS, graph_inputs
+from anyprobe.files.atomic import atomic_path
+from anyprobe_train.dataset.asset_store import AssetStore
+from anyprobe_train.dataset.catalog import MapAsset
+from anyprobe_train.dataset.pair import Pair, fibonacci_viewpoint, render_pair
+from anyprobe_train.dataset.recipe import WORLD, balanced_recipes
+from anyprobe_train.light.given import Given
+from anyprobe_train.light.light_views import LightViews
+from anyprobe_train.world.batch import LightBatch
+from research.scenes.light_pairs import ASSUMED_DEG, row_of_inputs
+from research.scenes.parts import varied
+
+OF_A_LIGHT, IN_FILE = 8, 64
+"""Pairs that share a light, and pairs in a file."""
+LENS_KNOWN = 0.7
+CONDITIONS = (0, 1, WORLD)
+
+
+def make_cut_outs(data: Path, out: Path, count: int, first: int = 0) -> Iterator[Path]:
+    """Render pairs of training shapes under varied training lights from number `first` on, into files of LightBatch's
+    fields; yield each. Files that are there stay."""
+    torch.set_num_threads(1)
+    store, views = varied(data, out.parent / "world"), LightViews()
+    for start in range(first, first + count, IN_FILE):
+        path = out / f"cut_{start:06d}.npz"
+        if path.is_file():
+            continue
+        made = []
+        for number in range(start, start + IN_FILE, OF_A_LIGHT):
+            rng = np.random.default_rng((number, 23))
+            name, radiance = store.light(rng, "real")
+            light = MapAsset(id="00000000", name=name, licence="", indoor=False, radiance=radiance)
+            few = AssetStore([light], store.shapes.values())
+            conditions = CONDITIONS[rng.integers(len(CONDITIONS))]
+            recipes = balanced_recipes(few, OF_A_LIGHT, seed=number, conditions=conditions)
+            shapes = sorted(few.shapes)
+            for recipe in recipes:
+                chosen = replace(recipe, shape_id=shapes[rng.integers(len(shapes))])
+                made.append(row_of_pair(views, render_pair(chosen, few), rng))
+        arrays = {one.name: np.stack([row[one.name] for row in made]) for one in fields(LightBatch)}
+        with atomic_path(path) as temporary, open(temporary, "wb") as stream:
+            np.savez(stream, **arrays)
+        yield path
+
+
+def row_of_pair(views: LightViews, pair: Pair, rng: np.random.Generator) -> dict:
+    """Return the arrays of a pair, as LightBatch has them without the first axis; normals and material unknown."""
+    mask = np.asarray(pair.crop[..., 3], np.float32)
+    rgb = pair.crop[..., :3] / np.maximum(mask[..., None], 1e-3)
+    fov_deg = 2.0 * float(np.degrees(np.arctan(pair.tan_half)))
+    known = rng.random() < LENS_KNOWN
+    named = graph_inputs(
+        rgb.clip(0.0, 1.0), mask, fov_deg if known else ASSUMED_DEG, is_lens_known=known, cover=np.zeros_like(mask)
+    )
+    given = Given.of([torch.from_numpy(named[name]) for name in INPUTS])
+    up = up_of(float(np.degrees(fibonacci_viewpoint(pair.recipe.view)[1])))
+    return row_of_inputs(views, given, pair.radiance, fov_deg, up, "cut_out", np.nan)
