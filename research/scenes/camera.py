@@ -15,9 +15,6 @@ from anyprobe_train.dataset.camera import SUBSAMPLINGS, compress, draw_curve
 from anyprobe_train.dataset.mask_errors import disturb_mask, gross_error
 from research.world.whole_render import Render
 
-KEY, KEY_SPREAD = 0.22, 0.4
-"""Median of the radiance that the meter brings its mean to (docs/reference/evaluation.md, whole photos), and the
-deviation of its logarithm."""
 CONTRAST, SATURATION = 0.15, 0.18
 """Standard deviations of what a phone's picture style adds to contrast and saturation."""
 VIGNETTE = 0.35
@@ -80,13 +77,9 @@ def mirrored(render: Render) -> Render:
 
 def _gain(rng: np.random.Generator, render: Render, mask: np.ndarray) -> float:
     """Return the factor from the render's units to the photo's."""
-    (weight,), _ = distributions.draw_metering(rng, 1)
-    key = KEY * float(np.exp(rng.normal(0.0, KEY_SPREAD)))
     bright = luminance(render.picture)
-    frame = float((bright**distributions.FRAME_POWER).mean() ** (1 / distributions.FRAME_POWER))
-    mean = float(bright[mask].mean()) if mask.any() else frame
-    gain = float(distributions.metered_gain(mean, frame, weight, key))
-    return gain * float(np.clip(mean * gain, *distributions.OBJECT_RANGE)) / max(mean * gain, 1e-9)
+    frame = distributions.seen_level(bright)
+    return distributions.draw_photo_gain(rng, float(bright[mask].mean()) if mask.any() else frame, frame)
 
 
 def _blurred(radiance: np.ndarray, sigma: float) -> np.ndarray:

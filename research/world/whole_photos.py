@@ -29,9 +29,8 @@ COUNT = 100
 LISTS = {"test": "whole_test.txt", "left-out": "whole_left_out.txt"}
 PARTS = tuple(LISTS)
 """Held-out maps and shapes; training assets that no shipped weights learn from, to choose by."""
-KEY, KEY_SPREAD = 0.22, 0.35
-"""As in dataset.distributions, for meters that see the frame itself: objects in 85 real photos have a mean linear
-radiance of .09 .13 .23 .29 .39 (10 25 50 75 90 %), frames of .16 .20 .24 .34 .43."""
+KEY_SPREAD = 0.35
+"""Standard deviation of ln of the radiance that the meter brings its mean to."""
 LENS_WRITTEN = 0.5
 """Share of the photos whose EXIF says the lens."""
 PLAINS = (1.0, 1.0, 1.0, 0.92, 0.5, 0.0)
@@ -137,13 +136,10 @@ def photograph(recipe: Recipe, scene: Scene, render: Render, store: AssetStore, 
 
 def _gain(rng: np.random.Generator, render: Render, mask: np.ndarray) -> float:
     """From the map's units to the photo's: the meter's mean of object and frame is brought to a key."""
-    (weight,), _ = distributions.draw_metering(rng, 1)
-    key = KEY * float(np.exp(rng.normal(0.0, KEY_SPREAD)))
     bright = luminance(render.picture)
-    frame = float((bright**distributions.FRAME_POWER).mean() ** (1 / distributions.FRAME_POWER))
+    frame = distributions.seen_level(bright)
     mean = float(bright[mask].mean()) if mask.any() else frame
-    gain = float(distributions.metered_gain(mean, frame, weight, key))
-    return gain * float(np.clip(mean * gain, *distributions.OBJECT_RANGE)) / max(mean * gain, 1e-9)
+    return distributions.draw_photo_gain(rng, mean, frame, KEY_SPREAD)
 
 
 def _taken(shot: Shot, radiance: np.ndarray, balance: np.ndarray, rng: np.random.Generator) -> np.ndarray:

@@ -11,8 +11,6 @@ from anyprobe.core.response import CameraCurve, response
 from anyprobe_train.dataset import distributions
 from anyprobe_train.dataset.camera import draw_curve
 
-KEY, KEY_SPREAD = 0.22, 0.4
-"""Median of the radiance that the meter brings its mean to, and the deviation of its logarithm."""
 CONTRAST, SATURATION = 0.15, 0.18
 """Standard deviations of what a phone's picture style adds to contrast and saturation."""
 VIGNETTE = 0.35
@@ -41,15 +39,8 @@ class Look:
 def draw_look(rng: np.random.Generator, object_mean: float | None, frame: np.ndarray, truth: np.ndarray) -> Look:
     """Draw a camera that meters the luminance of pixels [N] of the frame and of the object, in light [64, 128, 3]; of a
     cut-out, which has no frame, of the light that stood behind it."""
-    weight = float(distributions.draw_metering(rng, 1)[0][0])
-    key = KEY * float(np.exp(rng.normal(0.0, KEY_SPREAD)))
-    power = distributions.FRAME_POWER
-    metered = (frame**power).mean() ** (1 / power) if len(frame) else distributions.frame_level(luminance(truth))
-    level = float(metered)
-    mean = level if object_mean is None else object_mean
-    gain = float(distributions.metered_gain(mean, level, weight, key))
-    if object_mean is not None:
-        gain *= float(np.clip(mean * gain, *distributions.OBJECT_RANGE)) / max(mean * gain, 1e-9)
+    level = distributions.seen_level(frame) if len(frame) else float(distributions.frame_level(luminance(truth)))
+    gain = distributions.draw_photo_gain(rng, level if object_mean is None else object_mean, level)
     ambient = (truth * pixel_solid_angles(len(truth))[..., None]).sum(axis=(0, 1))
     balance = distributions.draw_white_balance(rng, ambient[None])[0]
     return Look(
