@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import json
-import signal
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, ThreadPoolExecutor
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -29,7 +27,7 @@ from anyprobe_train.train.checkpoint import (
     save_weights,
 )
 from anyprobe_train.train.logger import RunLogger, run_folder
-from anyprobe_train.train.loop import learning_rate, mean_of, move_mean
+from anyprobe_train.train.loop import asked_to_stop, learning_rate, mean_of, move_mean
 from anyprobe_train.train.muon import MuonAndAdam
 
 SAVE_SECONDS, SCORE_SECONDS = 300.0, 1800.0
@@ -64,20 +62,6 @@ class LightRunConfig:
     averaged: float = 0.999
     most_gradient: float = 1.0
     seed: int = 7
-
-
-@contextmanager
-def asked_to_stop() -> Iterator[Callable[[], bool]]:
-    """Say whether the process was asked to end (SIGTERM, SIGINT), which then waits for a checkpoint."""
-    asked = []
-    old = {
-        kind: signal.signal(kind, lambda number, _: asked.append(number)) for kind in (signal.SIGTERM, signal.SIGINT)
-    }
-    try:
-        yield lambda: bool(asked)
-    finally:
-        for kind, handler in old.items():
-            signal.signal(kind, handler)
 
 
 def one_ahead(items: Iterator[Item]) -> Iterator[Item]:

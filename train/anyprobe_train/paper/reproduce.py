@@ -10,7 +10,8 @@ from anyprobe_train.paper.pieces import PIECES
 from anyprobe_train.paper.scores import Scorer
 from anyprobe_train.paper.settings import Setting
 from anyprobe_train.paper.table_1 import write_table
-from anyprobe_train.paper.training import Stopped, Terminated, is_trained, train
+from anyprobe_train.paper.training import is_trained, train
+from anyprobe_train.train.loop import asked_to_stop
 
 
 def print_now(line: str) -> None:
@@ -29,7 +30,7 @@ def reproduce(
     stop: int | None = None,
     say: Callable[[str], None] = print_now,
 ) -> bool:
-    """Train every piece that is not yet trained and write Table 1, or train only one; return False if SIGTERM ended it.
+    """Train every piece that is not yet trained and write Table 1, or train only one; return False if asked to stop.
 
     data: folder with hdri/ and meshes/; without it maps and shapes are procedural.
     stop: the step at which each piece is left, to test a machine.
@@ -40,12 +41,10 @@ def reproduce(
     for piece in PIECES:
         if only not in ("", piece.name) or is_trained(piece, setting, runs):
             continue
-        try:
-            with Terminated() as terminated:
-                train(piece, setting, seen, scorer, runs, terminated=terminated, say=say, stop=stop)
-        except Stopped:
-            say(f"{piece.name}: stopped; the same command goes on")
-            return False
+        with asked_to_stop() as asked:
+            if not train(piece, setting, seen, scorer, runs, asked_to_stop=asked, say=say, stop=stop):
+                say(f"{piece.name}: stopped; the same command goes on")
+                return False
     if not only and stop is None:
         say(write_table_1(data, runs, setting, threads=threads, say=say))
     return True

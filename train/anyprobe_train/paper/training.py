@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import signal
 import time
 from collections.abc import Callable
 from dataclasses import asdict
@@ -28,25 +27,6 @@ from anyprobe_train.paper.tables import EXPOSURES, Tables
 SAVE_SECONDS = 180.0
 WATCHING = {"scored", "table_pairs", "log_every", "score_every"}
 """Fields of a setting that a run may change as it goes on."""
-
-
-class Stopped(Exception):
-    """SIGTERM came; everything is saved."""
-
-
-class Terminated:
-    """Whether SIGTERM came within this context, where it does not end the process."""
-
-    def __enter__(self) -> Terminated:
-        self.asked = False
-        self._before = signal.signal(signal.SIGTERM, self._ask)
-        return self
-
-    def __exit__(self, *_: Any) -> None:
-        signal.signal(signal.SIGTERM, self._before)
-
-    def _ask(self, *_: Any) -> None:
-        self.asked = True
 
 
 class Trainer:
@@ -157,17 +137,15 @@ def train(
     scorer: Scorer,
     runs: Path,
     *,
-    terminated: Terminated,
+    asked_to_stop: Callable[[], bool],
     say: Callable[[str], None],
     stop: int | None = None,
-) -> None:
-    """Train a piece in runs/<name>, going on from what is there; at most to step `stop`.
+) -> bool:
+    """Train a piece in runs/<name>, going on from what is there; at most to step `stop`. Return whether it came so far;
+    else it was asked to stop, and everything is saved.
 
     Every setting.log_every steps a line goes to log.jsonl: losses against filtered and unfiltered maps, pairs a second,
     and from time to time scores.
-
-    Raises:
-        Stopped: SIGTERM came.
     """
     path = checkpoint_of(runs, piece.name)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -192,11 +170,13 @@ def train(
             with (path.parent / "log.jsonl").open("a", encoding="utf-8") as log:
                 log.write(json.dumps(line) + "\n")
             say(f"{piece.name} " + " ".join(f"{key} {value}," for key, value in line.items())[:-1])
-        if done or terminated.asked or time.monotonic() - saved > SAVE_SECONDS:
+        is_asked = asked_to_stop()
+        if done or is_asked or time.monotonic() - saved > SAVE_SECONDS:
             trainer.save(path)
             saved = time.monotonic()
-        if terminated.asked:
-            raise Stopped
+        if is_asked:
+            return False
+    return True
 
 
 def _line(trainer: Trainer, losses: torch.Tensor, seconds: float) -> dict[str, float]:

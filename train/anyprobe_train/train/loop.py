@@ -1,5 +1,8 @@
-"""Parts of every run's loop: the learning rate over its steps, and the running mean of its weights."""
+"""Parts of every run's loop: its learning rate, the running mean of its weights, and how it is stopped."""
 
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from copy import deepcopy
 from pathlib import Path
 from typing import Any, TypeVar
@@ -12,6 +15,20 @@ from anyprobe_train.train.muon import MuonAndAdam
 
 CHECKPOINT_SECONDS = 120.0
 Net = TypeVar("Net", bound=nn.Module)
+
+
+@contextmanager
+def asked_to_stop() -> Iterator[Callable[[], bool]]:
+    """Say whether the process was asked to end (SIGTERM, SIGINT), which then waits for a checkpoint."""
+    asked = []
+    old = {
+        kind: signal.signal(kind, lambda number, _: asked.append(number)) for kind in (signal.SIGTERM, signal.SIGINT)
+    }
+    try:
+        yield lambda: bool(asked)
+    finally:
+        for kind, handler in old.items():
+            signal.signal(kind, handler)
 
 
 def learning_rate(config: Any, step: int) -> float:
