@@ -207,6 +207,20 @@ def test_word_of_a_network_is_lost():
     assert source.exists > 0.9
 
 
+def test_what_a_network_said_of_a_source_holds_for_nothing_beside_it():
+    up = np.radians(65.0)  # where columns are narrow, so that a lobe's ring ends early
+    turns = np.radians([0.0, 30.0])
+    toward, beside = (np.array([np.cos(up) * np.sin(one), np.sin(up), -np.cos(up) * np.cos(one)]) for one in turns)
+    power = np.ones(3, np.float32)
+    bright, faint = (
+        LightSource(direction=d, radius_deg=3.0, power=p) for d, p in ((toward, power), (beside, 0.02 * power))
+    )
+    radiance = 0.05 + draw_sources(64, (bright, faint))
+    (found,) = find_sources(radiance, np.array([[0.9, *toward]]))
+    assert found.direction @ toward > 0.999
+    assert found.exists == 0.9
+
+
 @pytest.mark.parametrize("turn_deg", [(20, 20, 50), (115, -60, 10)])
 def test_sources_do_not_turn_with_the_map(turn_deg):
     """But for what resampling blurs."""

@@ -8,7 +8,7 @@ that of the pixels beyond the ring. The first is the dominant light, however fai
 
     exists = x^steep / (1 + x^steep),  x = min(share / least_share, contrast / least_contrast, most_radius / radius)
 
-with share = its power over the map's, contrast = its luminance over L_ring's. A network's word goes before the rule.
+with share = its power over the map's, contrast = its luminance over L_ring's. A network's word on one goes before the rule.
 """
 
 from __future__ import annotations
@@ -174,6 +174,7 @@ def _lobes(
             ),
             error_deg=direction_error(bright[..., 0], direction),
         )
+        said = None if said is None else said[said[:, 1:4] @ direction <= SAME]  # what was said holds for one lobe
         yield source, pixels, excess
 
 

@@ -102,6 +102,7 @@ function* lobesOf(radiance, height, said = null) {
     const { direction, radiusDeg, power } = found;
     const contrast = inside / within / (luminance(...found.level) + 1e-9);
     const exists = likelihood(direction, said, luminance(...power) / total, contrast, radiusDeg);
+    said = said?.map((value, at) => (at % 8 === 0 && isAt(direction, said, at) ? -1 : value)) ?? null; // it holds for one lobe
     const errorDeg = directionError(bright, height, direction);
     yield { source: source(direction, radiusDeg, power, exists, errorDeg), pixels: found.pixels, level: found.level };
   }
@@ -142,12 +143,12 @@ function radiusOf(cosine, pixel) {
   return (180 / Math.PI) * Math.acos(Math.max(1 - beyond, -1));
 }
 
+const isAt = ([x, y, z], said, at) => said[at + 1] * x + said[at + 2] * y + said[at + 3] * z > SAME;
+
 /** How likely a lobe is a source: as the network says of one in its place, else by the rule. */
-function likelihood([x, y, z], said, share, contrast, radiusDeg) {
+function likelihood(direction, said, share, contrast, radiusDeg) {
   let likely = -1;
-  for (let at = 0; at < (said?.length ?? 0); at += 8) {
-    if (said[at + 1] * x + said[at + 2] * y + said[at + 3] * z > SAME) likely = Math.max(likely, said[at]);
-  }
+  for (let at = 0; at < (said?.length ?? 0); at += 8) if (isAt(direction, said, at)) likely = Math.max(likely, said[at]);
   if (likely >= 0) return likely;
   const least = Math.min(share / RULES.least_share, contrast / RULES.least_contrast, RULES.most_radius_deg / radiusDeg);
   return least ** RULES.steep / (1 + least ** RULES.steep);

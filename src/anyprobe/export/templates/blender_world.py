@@ -67,6 +67,8 @@ def make_suns(lights):
         bpy.data.objects.remove(old)
     for number, light in enumerate(lights if SUNS else (), 1):
         name, strength = f"{NAME} source {number}", max(light["irradiance"])
+        if strength == 0:
+            continue
         sun = bpy.data.lights.new(name, "SUN")
         sun.energy = strength
         sun.color = [value / strength for value in light["irradiance"]]

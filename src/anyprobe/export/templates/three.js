@@ -47,6 +47,7 @@ export async function lightScene(scene, { background = true, suns = true, probe 
   }
   for (const { direction, irradiance, angle_deg: angleDeg } of suns ? light.lights : []) {
     const intensity = Math.max(...irradiance);
+    if (intensity === 0) continue;
     const [r, g, b] = irradiance.map((value) => value / intensity);
     const sun = new DirectionalLight(new Color(r, g, b), intensity);
     sun.position.fromArray(direction); // its target is the origin
