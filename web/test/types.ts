@@ -12,6 +12,9 @@ export async function use(image: HTMLImageElement, video: HTMLVideoElement, scen
   const light: Light = await probe.estimate(image, { click: [10, 20], exclude: [[1, 2], [3, 4]] });
   const [r]: [number, number, number] = irradiance(light.sh9, [0, 1, 0]);
   const { width, data } = new Light(structuredClone(light)).environment;
+  const [{ direction, irradiance: E, color, power, radiusDeg, exists, errorDeg } = light.dominant] = light.sources;
+  const [x]: [number, number, number] = direction.map((value, i) => value + E[i] + color[i] + power[i]) as typeof direction;
+  const numbers: number[] = [x, radiusDeg, exists, errorDeg, light.directionality, light.uncertainty.levelStops];
   new Blob([encodeHdr(light.radiance, 64), await encodeExr(light.radiance, 64)]);
   const tracker = probe.track(video, ({ dominant }) => dominant.direction[0], { box: [0, 0, 9, 9], onLost: () => {}, onError: ({ code }) => code === "failed" });
   await tracker.mark({ click: [1, 2] });
@@ -57,5 +60,5 @@ export async function use(image: HTMLImageElement, video: HTMLVideoElement, scen
   await AnyProbe.load({ engine: "webgl" });
   // @ts-expect-error a click is two numbers
   await probe.estimate(image, { click: 3 });
-  return [r + width + data.length, groundShadowOpacity(light, [0, 1, 0])];
+  return [r + width + data.length + numbers.length, groundShadowOpacity(light, [0, 1, 0])];
 }

@@ -156,21 +156,22 @@ export interface TrackOptions extends Hints, Lens, LightOptions, Cancellable {
   onMissed?: () => void;
 }
 
-/** The one lobe that a directional light stands for. */
-export interface DominantLight {
+/** A lobe of the map that a directional light stands for. */
+export interface LightSource {
   /** Unit vector towards the light. */
   direction: Vector3;
   /** Of a plane that faces it. */
   irradiance: Vector3;
+  /** Power over its largest channel. */
   color: Vector3;
-  /** Steradians. */
-  solidAngle: number;
-  /** In [0, 1]: how much of all light comes from one side. */
-  directionality: number;
+  /** Integral of its radiance over its directions, sr. */
+  power: Vector3;
+  /** Of the even disc that spreads as much about the direction, degrees. */
+  radiusDeg: number;
+  /** Probability that it is a source. */
+  exists: number;
   /** Degrees: how far off the direction is at most in two of three maps that are estimates. */
   errorDeg: number;
-  pixels: number[];
-  surrounding: Vector3;
 }
 
 /**
@@ -182,7 +183,12 @@ export declare class Light {
   constructor(copy: Omit<Light, "environment" | "isSoft">);
   /** 27 radiance coefficients of spherical harmonics, order and constants of WebXR and three.js. */
   readonly sh9: Float32Array;
-  readonly dominant: DominantLight;
+  /** The dominant one first; none of an even map. */
+  readonly sources: LightSource[];
+  /** The first of them; one without power where the map is even. */
+  readonly dominant: LightSource;
+  /** In [0, 1]: how much of all light comes from one side. */
+  readonly directionality: number;
   /**
    * Equirectangular RGBA floats, 128 x 64: row 0 is +Y, the centre column -Z. For three.js use EnvironmentTexture or ProbeLight of
    * anyprobe/three, or a DataTexture with flipY = true and scene.environmentRotation.y = Math.PI / 2.

@@ -8,7 +8,7 @@ that of the pixels beyond the ring. The first is the dominant light, however fai
 
     exists = x^steep / (1 + x^steep),  x = min(share / least_share, contrast / least_contrast, most_radius / radius)
 
-with share = its power over the map's, contrast = its luminance over L_ring's. A network's word on one goes before the rule.
+with share = its power over the map's, contrast = its luminance over L_ring's. A network's word goes before the rule.
 """
 
 from __future__ import annotations

@@ -65,10 +65,8 @@ def make_world(folder):
 def make_suns(lights):
     for old in [one for one in bpy.data.objects if one.name.startswith(f"{NAME} source ")]:
         bpy.data.objects.remove(old)
-    for number, light in enumerate(lights if SUNS else (), 1):
+    for number, light in enumerate([one for one in lights if SUNS and max(one["irradiance"]) > 0], 1):
         name, strength = f"{NAME} source {number}", max(light["irradiance"])
-        if strength == 0:
-            continue
         sun = bpy.data.lights.new(name, "SUN")
         sun.energy = strength
         sun.color = [value / strength for value in light["irradiance"]]
