@@ -269,6 +269,12 @@ def test_an_object_that_runs_over_the_lower_border_hides_where_it_stands(below):
     assert any("the photo's lower border cuts the real object" in line for line in standing_by(mask).warnings) == below
 
 
+def test_what_stands_lower_and_aside_is_not_in_front():
+    photo = load_photo(Path(__file__).parents[2] / "examples" / "table.jpg", box=(130, 100, 325, 385))
+    stage = Stage(photo, OBJECTS["sphere"](), Arrangement(ground=anyprobe.estimate(photo).ground))
+    assert (stage.placement.side, stage.warnings) == ("beside", ())
+
+
 def test_it_stands_below_what_overhangs():
     """Of a mushroom the stem stands on the ground, and beside that is room, though none is beside the cap."""
     mask = np.zeros((HEIGHT, WIDTH), np.float32)

@@ -100,8 +100,7 @@ def prepare(
     if not abs(exposure_ev) <= 30:
         raise InputError(f"expected stops from -30 to 30, got {exposure_ev}; 1 doubles the light", subject="exposure")
     turn = np.eye(3) if world_from_camera is None else check_pose(world_from_camera, "world_from_camera")
-    gain = np.float32(2.0**exposure_ev)
-    radiance = check_radiance(check_radiance(radiance, name) * gain, name)
+    radiance = check_radiance(check_radiance(radiance, name) * np.float32(2.0**exposure_ev), name)
     if radiance.max() > BRIGHTEST_RADIANCE:
         raise InvalidEnvironment(
             f"expected radiance of at most {BRIGHTEST_RADIANCE:g}, got {radiance.max():.3g}; divide all of "
@@ -110,7 +109,8 @@ def prepare(
         )
     main, ambient = split_dominant_light(radiance, said_sources)
     lights, ambient = split_sources(radiance, said_sources) if sources else ((main,), ambient)
-    radiance, ambient = (_turned(one, turn) for one in (radiance, ambient))
+    if not np.array_equal(turn, np.eye(3)):
+        radiance, ambient = (np.maximum(rotate(one, turn), 0.0) for one in (radiance, ambient))
     main, *others = (replace(one, direction=(turn @ one.direction).astype(np.float32)) for one in (main, *lights))
     return ExportedLight(
         radiance=radiance,
@@ -125,10 +125,6 @@ def prepare(
         origin=_known(dict(origin or {})),
         error_deg=error_deg,
     )
-
-
-def _turned(radiance: np.ndarray, turn: np.ndarray) -> np.ndarray:
-    return radiance if np.array_equal(turn, np.eye(3)) else np.maximum(rotate(radiance, turn), 0.0)
 
 
 def origin_of(estimate: Mapping[str, Any]) -> dict[str, Any]:

@@ -63,7 +63,7 @@ class Placement:
 
     mesh: in the camera's frame. foot: [3] point of the ground below its middle. radius: of the
     smallest sphere around it. pitch_deg: camera's, downwards. share: its size over the requested one.
-    side: in front of the real object where that is better than beside.
+    side: in front of the real object where it stands in columns of the photo that show that, at its height or lower.
     """
 
     mesh: Mesh
@@ -113,7 +113,9 @@ def place_beside(
         raise InputError(text, subject="at")
     share = float(spots.share[best])
     placed = _standing(unit, upright, spots.foot[best], height * share, pitch_deg)
-    return replace(placed, share=share, side=Side.front if spots.toward[best] > 0 else Side.beside)
+    pixels = np.maximum(view.pixels(placed.mesh.positions), 0).astype(int)
+    below = photo.mask[min(pixels[:, 1].min(), bottom - 1) :, pixels[:, 0].min() : pixels[:, 0].max() + 1]
+    return replace(placed, share=share, side=Side.front if (below > 0.5).any() else Side.beside)
 
 
 class RealSurface:
@@ -152,7 +154,7 @@ class RealSurface:
 
 
 class Spots:
-    """Places of an object: foot [N, 3], share, toward (of ROWS), near and certain, the score but for size, [N]."""
+    """Places of an object: foot [N, 3], share, near and certain, the score but for size, [N]."""
 
     def __init__(self, photo: Photo, view: View, points: np.ndarray, size: float) -> None:
         """Score them all; points: [P, 3] of the whole object from its foot. size: its height, in the real one's."""
@@ -162,8 +164,8 @@ class Spots:
         columns = (np.arange(COLUMNS) + 0.5) / COLUMNS * view.width
         shares = np.geomspace(1.0, min(SMALLEST / size, 1.0), SIZES)
         grid = np.meshgrid(shares, ROWS, columns, indexing="ij")
-        self.share, self.toward, column = (one.ravel() for one in grid)
-        rows = row + self.toward * max(view.height - edge - row, 0.0)
+        self.share, toward, column = (one.ravel() for one in grid)
+        rows = row + toward * max(view.height - edge - row, 0.0)
         foot_row = rows
         for _ in range(3):  # its lowest pixel is on the row
             self.foot = view.on_ground(column, np.maximum(foot_row, view.farthest_row))
