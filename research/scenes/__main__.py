@@ -51,13 +51,15 @@ def cut_outs(
     *,
     data: Data,
     out: Annotated[Path, Parameter(name=("--out", "-o"), help="Folder of the files.")] = Path("runs/traced"),
+    part: Annotated[str, Parameter(help=f"One of {', '.join(PARTS)}.")] = "train",
     count: Annotated[int, Parameter(help="Cut-outs."), bounded(1)] = 10_000,
     first: Annotated[int, Parameter(help="Number of the first one."), bounded(0)] = 0,
 ) -> None:
-    """Render objects of training without surroundings, seen from any height, for anyprobe-train run light."""
+    """Render objects without surroundings, seen from any height, for anyprobe-train run light: left-out ones in
+    runs/left_out/cut_outs score it."""
     from research.scenes.cut_outs import make_cut_outs
 
-    for path in make_cut_outs(data, out, count, first):
+    for path in make_cut_outs(data, out, count, part, first):
         print(path)
 
 

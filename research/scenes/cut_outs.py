@@ -20,7 +20,7 @@ from anyprobe_train.light.given import Given
 from anyprobe_train.light.light_views import LightViews
 from anyprobe_train.world.batch import LightBatch
 from research.scenes.light_pairs import ASSUMED_DEG, row_of_inputs
-from research.scenes.parts import varied
+from research.scenes.parts import VariedStore, store_of
 
 OF_A_LIGHT, IN_FILE = 8, 64
 """Pairs that share a light, and pairs in a file."""
@@ -28,11 +28,11 @@ LENS_KNOWN = 0.7
 CONDITIONS = (0, 1, WORLD)
 
 
-def make_cut_outs(data: Path, out: Path, count: int, first: int = 0) -> Iterator[Path]:
-    """Render pairs of training shapes under varied training lights from number `first` on, into files of LightBatch's
-    fields; yield each. Files that are there stay."""
+def make_cut_outs(data: Path, out: Path, count: int, part: str = "train", first: int = 0) -> Iterator[Path]:
+    """Render pairs of a part from number `first` on, training shapes under varied training lights, into files of
+    LightBatch's fields; yield each. Files that are there stay."""
     torch.set_num_threads(1)
-    store, views = varied(data, out.parent / "world"), LightViews()
+    store, views = store_of(data, part, out.parent / "world"), LightViews()
     for start in range(first, first + count, IN_FILE):
         path = out / f"cut_{start:06d}.npz"
         if path.is_file():
@@ -40,19 +40,22 @@ def make_cut_outs(data: Path, out: Path, count: int, first: int = 0) -> Iterator
         made = []
         for number in range(start, start + IN_FILE, OF_A_LIGHT):
             rng = np.random.default_rng((number, 23))
-            name, radiance = store.light(rng, "real")
-            light = MapAsset(id="00000000", name=name, licence="", indoor=False, radiance=radiance)
-            few = AssetStore([light], store.shapes.values())
+            few = _under_one_light(store, rng) if isinstance(store, VariedStore) else store
             conditions = CONDITIONS[rng.integers(len(CONDITIONS))]
-            recipes = balanced_recipes(few, OF_A_LIGHT, seed=number, conditions=conditions)
             shapes = sorted(few.shapes)
-            for recipe in recipes:
+            for recipe in balanced_recipes(few, OF_A_LIGHT, seed=number, conditions=conditions):
                 chosen = replace(recipe, shape_id=shapes[rng.integers(len(shapes))])
                 made.append(row_of_pair(views, render_pair(chosen, few), rng))
         arrays = {one.name: np.stack([row[one.name] for row in made]) for one in fields(LightBatch)}
         with atomic_path(path) as temporary, open(temporary, "wb") as stream:
             np.savez(stream, **arrays)
         yield path
+
+
+def _under_one_light(store: VariedStore, rng: np.random.Generator) -> AssetStore:
+    name, radiance = store.light(rng, "real")
+    light = MapAsset(id="00000000", name=name, licence="", indoor=False, radiance=radiance)
+    return AssetStore([light], store.shapes.values())
 
 
 def row_of_pair(views: LightViews, pair: Pair, rng: np.random.Generator) -> dict:

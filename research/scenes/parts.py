@@ -34,17 +34,15 @@ class VariedStore(AssetStore):
 
 
 def store_of(data: Path, part: str, cache: Path | None = None) -> AssetStore:
-    """Return maps and shapes of a part; InputError of an unknown one. With a cache, training lights are varied."""
+    """Return maps and shapes of a part; InputError of an unknown one.
+
+    cache: folder of the fast world's maps; with it training lights are varied.
+    """
     if part == "train":
-        return load_asset_store(data, "train", procedural_shapes=OWN_SHAPES) if cache is None else varied(data, cache)
+        store = load_asset_store(data, "train", procedural_shapes=OWN_SHAPES)
+        return store if cache is None else VariedStore(store, open_maps(data, cache, "train"))
     if part == "left-out":
         return load_left_out(data)
     if part == "test":
         return load_asset_store(data, "test", commercial_only=False)
     raise InputError(f"part {part!r}: expected one of {', '.join(PARTS)}")
-
-
-def varied(data: Path, cache: Path) -> VariedStore:
-    """Return training assets under varied lights; cache: folder of the fast world's maps."""
-    store = load_asset_store(data, "train", procedural_shapes=OWN_SHAPES)
-    return VariedStore(store, open_maps(data, cache, "train"))

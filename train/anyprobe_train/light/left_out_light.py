@@ -23,6 +23,8 @@ WITHOUT = 100
 AT_ONCE = 32
 CROSS = tuple((maps, shapes) for maps in ("train", "left-out") for shapes in ("train", "left-out"))
 """Parts of maps and shapes of the four cross sets."""
+CUT_OUTS = "cut_outs"
+"""Folder, beside the photos that are left out, of left-out cut-outs as the evaluation renders them."""
 CROSS_SEED, CROSS_BATCHES = 1_000_003, 2
 
 
@@ -136,6 +138,10 @@ def left_out_scores(folder: Path, data: Path, cache: Path) -> Callable[[LeanNet]
         kept = kept_batches(folder)
         if kept:
             found |= score_whole_photos(net, kept)
+        cut = [
+            row for batch in kept_batches(folder / CUT_OUTS) for row in rows_of(net, *tensors_of(batch, _device(net)))
+        ]
+        found |= summary(cut, "evaluate_") if cut else {}
         for maps, shapes in CROSS:
             name = f"{'seen' if maps == 'train' else 'new'}_maps_{'seen' if shapes == 'train' else 'new'}_shapes_"
             if name not in sets:
