@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,20 +11,19 @@ import torch
 
 from anyprobe.estimate.ground import up_of
 from anyprobe.estimate.light_graph import INPUTS, graph_inputs
-from anyprobe.files.atomic import atomic_path
 from anyprobe_train.dataset.asset_store import AssetStore
 from anyprobe_train.dataset.catalog import MapAsset
 from anyprobe_train.dataset.pair import Pair, fibonacci_viewpoint, render_pair
 from anyprobe_train.dataset.recipe import WORLD, balanced_recipes
 from anyprobe_train.light.given import Given
 from anyprobe_train.light.light_views import LightViews
-from anyprobe_train.world.batch import LightBatch
-from research.scenes.light_pairs import ASSUMED_DEG, row_of_inputs
+from research.scenes.light_pairs import ASSUMED_DEG, keep_rows, row_of_inputs
 from research.scenes.parts import VariedStore, store_of
 
 OF_A_LIGHT, IN_FILE = 8, 64
 """Pairs that share a light, and pairs in a file."""
 LENS_KNOWN = 0.7
+"""Share of them whose lens is said."""
 CONDITIONS = (0, 1, WORLD)
 
 
@@ -46,10 +45,7 @@ def make_cut_outs(data: Path, out: Path, count: int, part: str = "train", first:
             for recipe in balanced_recipes(few, OF_A_LIGHT, seed=number, conditions=conditions):
                 chosen = replace(recipe, shape_id=shapes[rng.integers(len(shapes))])
                 made.append(row_of_pair(views, render_pair(chosen, few), rng))
-        arrays = {one.name: np.stack([row[one.name] for row in made]) for one in fields(LightBatch)}
-        with atomic_path(path) as temporary, open(temporary, "wb") as stream:
-            np.savez(stream, **arrays)
-        yield path
+        yield keep_rows(path, made)
 
 
 def _under_one_light(store: VariedStore, rng: np.random.Generator) -> AssetStore:

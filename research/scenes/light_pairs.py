@@ -77,6 +77,14 @@ def row_of_inputs(
     }
 
 
+def keep_rows(path: Path, rows: list[dict]) -> Path:
+    """Write rows as a file of LightBatch's fields; its path."""
+    arrays = {one.name: np.stack([row[one.name] for row in rows]) for one in fields(LightBatch)}
+    with atomic_path(path) as temporary, open(temporary, "wb") as stream:
+        np.savez(stream, **arrays)
+    return path
+
+
 def make_light_pairs(data: Path, out: Path, scenes: int, part: str = "left-out", first: int = 0) -> Iterator[Path]:
     """Render scenes of a part from number `first` on, two photos each, into files of LightBatch's fields; yield each.
 
@@ -108,7 +116,4 @@ def make_light_pairs(data: Path, out: Path, scenes: int, part: str = "left-out",
                 kind = "cut_out" if rng.random() < CUT_OUTS else family
                 if photo.mask.any():
                     made.append(row_of(views, photo, phone.long_fov_deg, up, kind, outdoors))
-        arrays = {one.name: np.stack([row[one.name] for row in made]) for one in fields(LightBatch)}
-        with atomic_path(path) as temporary, open(temporary, "wb") as stream:
-            np.savez(stream, **arrays)
-        yield path
+        yield keep_rows(path, made)
