@@ -60,9 +60,7 @@ def row_of_pair(views: LightViews, pair: Pair, rng: np.random.Generator) -> dict
     rgb = pair.crop[..., :3] / np.maximum(mask[..., None], 1e-3)
     fov_deg = 2.0 * float(np.degrees(np.arctan(pair.tan_half)))
     known = rng.random() < LENS_KNOWN
-    named = graph_inputs(
-        rgb.clip(0.0, 1.0), mask, fov_deg if known else ASSUMED_DEG, is_lens_known=known, cover=np.zeros_like(mask)
-    )
+    named = graph_inputs(rgb.clip(0.0, 1.0), mask, fov_deg if known else ASSUMED_DEG, is_lens_known=known, cover=mask)
     given = Given.of([torch.from_numpy(named[name]) for name in INPUTS])
     up = up_of(float(np.degrees(fibonacci_viewpoint(pair.recipe.view)[1])))
     return row_of_inputs(views, given, pair.radiance, fov_deg, up, "cut_out", np.nan)
