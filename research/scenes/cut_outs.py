@@ -55,12 +55,15 @@ def _under_one_light(store: VariedStore, rng: np.random.Generator) -> AssetStore
 
 
 def row_of_pair(views: LightViews, pair: Pair, rng: np.random.Generator) -> dict:
-    """Return the arrays of a pair, as LightBatch has them without the first axis; normals and material unknown."""
+    """Return the arrays of a pair, as LightBatch has them without the first axis."""
     mask = np.asarray(pair.crop[..., 3], np.float32)
     rgb = pair.crop[..., :3] / np.maximum(mask[..., None], 1e-3)
     fov_deg = 2.0 * float(np.degrees(np.arctan(pair.tan_half)))
     known = rng.random() < LENS_KNOWN
-    named = graph_inputs(rgb.clip(0.0, 1.0), mask, fov_deg if known else ASSUMED_DEG, is_lens_known=known, cover=mask)
+    lens = {"long_fov_deg": fov_deg if known else ASSUMED_DEG, "is_lens_known": known}
+    named = graph_inputs(rgb.clip(0.0, 1.0), mask, cover=mask, normals=pair.normals, **lens)
     given = Given.of([torch.from_numpy(named[name]) for name in INPUTS])
     up = up_of(float(np.degrees(fibonacci_viewpoint(pair.recipe.view)[1])))
-    return row_of_inputs(views, given, pair.radiance, fov_deg, up, "cut_out", np.nan)
+    albedo, f0 = (np.broadcast_to(one, 3) for one in (pair.material.albedo, pair.material.f0))
+    material = np.array([not albedo.any(), *(f0 + (1 - f0) * albedo)])
+    return row_of_inputs(views, given, pair.radiance, fov_deg, up, "cut_out", np.nan, material)

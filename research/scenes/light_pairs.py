@@ -51,7 +51,14 @@ def row_of(views: LightViews, photo: TakenPhoto, fov_deg: float, up: np.ndarray,
 
 
 def row_of_inputs(
-    views: LightViews, given: Given, truth: np.ndarray, fov_deg: float, up: np.ndarray, family: str, outdoors: float
+    views: LightViews,
+    given: Given,
+    truth: np.ndarray,
+    fov_deg: float,
+    up: np.ndarray,
+    family: str,
+    outdoors: float,
+    material: np.ndarray | None = None,
 ) -> dict:
     """Return those arrays of what the graph is given; truth: the light [64, 128, 3] in the camera's frame."""
     with torch.no_grad():
@@ -67,8 +74,8 @@ def row_of_inputs(
         "lens": inputs.lens[0].numpy(),
         "fov": np.float32(fov_deg),
         "up": up.astype(np.float32),
-        "normals": np.zeros((48, 48, 3), np.int8),
-        "material": np.full(4, np.nan, np.float32),
+        "normals": np.round(127 * inputs.normals[0].permute(1, 2, 0).numpy()).astype(np.int8),
+        "material": np.full(4, np.nan, np.float32) if material is None else material.astype(np.float32),
         "truth": truth,
         "sources": sources,
         "soft": np.float32(soft),

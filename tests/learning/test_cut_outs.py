@@ -29,3 +29,11 @@ def test_a_pair_becomes_a_row_without_surroundings():
     assert row["context"][..., 4].mean() == pytest.approx(255 * mask, abs=2)
     np.testing.assert_allclose(row["truth"], np.minimum(pair.radiance, 6e4), rtol=2e-3, atol=1e-6)
     assert row["up"][2] == pytest.approx((recipe.view + 0.5) / VIEWPOINTS, abs=1e-3)
+    normals = row["normals"] / 127
+    known = np.linalg.norm(normals, axis=-1) > 0.5
+    assert known.mean() == pytest.approx(share, abs=0.05)
+    seen = pair.normals[np.linalg.norm(pair.normals, axis=-1) > 0.5]
+    np.testing.assert_allclose(normals[known].mean(axis=0), seen.mean(axis=0), atol=0.05)
+    assert row["material"][0] == (not np.any(pair.material.albedo))
+    assert (0 < row["material"][1:]).all()
+    assert (row["material"][1:] <= 1).all()
