@@ -117,6 +117,6 @@ def deliver(
             files = {kind: f"{stem}{end}" for kind, end in PICTURED.items()}
             panorama.save(scratch / files["panorama"], colorspace=colorspace)
             panorama.save_origin(scratch / files["origin"])
-            preview = draw_preview(panorama, photo, light.dominant_light().direction)
-            write_png(scratch / files["png"], preview)
+            ringed = None if light.is_soft else light.dominant_light().direction
+            write_png(scratch / files["png"], draw_preview(panorama, photo, ringed))
     return {kind: folder / name for kind, name in files.items()}

@@ -21,8 +21,10 @@ from support.scenes import sphere_photo
 
 import anyprobe
 from anyprobe.cli.app import app
-from anyprobe.cli.estimate import Done, _report
+from anyprobe.cli.estimate import Done, _report, said_of
 from anyprobe.cli.photo_files import joined
+from anyprobe.core.frames import normalize
+from anyprobe.core.latlong import pixel_directions
 from anyprobe.files import atomic
 from anyprobe.maps.radiance import read_radiance
 from anyprobe.notices import Notice, give
@@ -168,6 +170,22 @@ def test_one_bad_photo_does_not_stop_the_others(work, command):
     assert [line for line in table if line.startswith("anyprobe: ")] == table[5:]
     assert len(table) == 6
     assert "second.png" in table[5]
+
+
+@pytest.mark.parametrize(
+    ("toward", "error_deg", "text"),
+    [
+        ((0.6, 0.0, -0.8), 12.0, "37° right, 0° up ± 12°"),
+        ((0.1, 1.0, 0.1), 12.0, "82° up ± 12°"),
+        ((0.9, 0.3, 0.1), 81.0, "probably from the right ± 81°"),
+    ],
+)
+def test_a_direction_says_no_more_than_is_known(toward, error_deg, text):
+    near = pixel_directions(64) @ normalize(np.array(toward)) > 0.995
+    photo = np.full((128, 128, 4), [0.2, 0.2, 0.2, 1.0], np.float32)
+    radiance = np.where(near, 100.0, 0.1)[..., None] * np.ones(3)
+    light = anyprobe.Light(radiance=radiance, stages={"photo": photo}, said_error_deg=error_deg)
+    assert said_of(light)[0] == text
 
 
 @pytest.mark.ci

@@ -30,6 +30,9 @@ from anyprobe.files.atomic import check_folder
 from anyprobe.files.paths import open_regular
 from anyprobe.place.panorama import check_rows
 
+STEEP_DEG, DOUBTED_DEG = 75, 45
+"""Elevation beyond which an azimuth says nothing, and error beyond which a direction says no more than a side."""
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Done:
@@ -123,7 +126,7 @@ def estimate(
         if as_json:
             files = {kind: str(target) for kind, target in written.items()}
             print(json.dumps({**light.sidecar(), "photo": str(first), "files": files}), flush=True)
-        cells = (*_said(light), f"{time.perf_counter() - start:.2f}")
+        cells = (*said_of(light), f"{time.perf_counter() - start:.2f}")
         return Done(photo=first, stem=photo_files.result_stem(first, listed), cells=cells, warnings=light.warnings)
 
     with contextlib.closing(progress) as steps:  # else its thread outlives an error, and the process never ends
@@ -150,13 +153,14 @@ def estimate(
         sys.exit(2)
 
 
-def _said(light: Light) -> tuple[str, str]:
+def said_of(light: Light) -> tuple[str, str]:
     """Return where a light comes from, if a source dominates, and the uncertainty of its brightness, in words."""
     dominant, ground, uncertainty = light.dominant_light(), light.ground, light.origin.uncertainty
     x, y, z = dominant.direction if ground is None else ground.level_from_camera @ dominant.direction
     azimuth, elevation = np.degrees(np.arctan2(x, -z)), np.degrees(np.arcsin(np.clip(y, -1, 1)))
-    side = "right" if azimuth >= 0 else "left"
-    text = f"{abs(azimuth):.0f}° {side}, {abs(elevation):.0f}° {'up' if elevation >= 0 else 'down'}"
+    text = f"{abs(elevation):.0f}° {'up' if elevation >= 0 else 'down'}"
+    if abs(elevation) < STEEP_DEG:
+        text = f"{abs(azimuth):.0f}° {'right' if azimuth >= 0 else 'left'}, {text}"
     crop = light.stages["photo"]
     pixels = crop[crop[..., 3] > 0.5]
     if exposure_doubts(pixels[:, :3] / pixels[:, 3:], ""):
@@ -164,6 +168,8 @@ def _said(light: Light) -> tuple[str, str]:
     level = "" if uncertainty is None else f"± {uncertainty['level_stops']:.1f} stops"
     if light.is_soft:
         return f"soft light, brightest from {light.brightest_side()}", level
+    if dominant.error_deg > DOUBTED_DEG:
+        text = f"probably from {light.side_of(dominant.direction)}"
     return f"{text} ± {dominant.error_deg:.0f}°", level
 
 

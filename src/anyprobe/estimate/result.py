@@ -175,12 +175,16 @@ class Light:
         """Whether no light source dominates, so that the light has no one direction."""
         return self.soft is not None and self.soft > 0.5
 
-    def brightest_side(self) -> str:
-        """Return the side that most light comes from, level as far as the ground is known: "above", "the left", ..."""
-        toward = self.sh9()[[3, 1, 2]].mean(axis=1) @ self.map_from_camera
+    def side_of(self, direction: np.ndarray) -> str:
+        """Return the side that a direction points to, level as far as the ground is known: "above", "the left", ..."""
+        toward = direction @ self.map_from_camera
         toward = toward if self.ground is None else self.ground.level_from_camera @ toward
         axis = int(np.abs(toward).argmax())
         return SIDES[axis][int(toward[axis] > 0)]
+
+    def brightest_side(self) -> str:
+        """Return the side that most light comes from, as side_of."""
+        return self.side_of(self.sh9()[[3, 1, 2]].mean(axis=1))
 
     def rotate(self, rotation: np.ndarray) -> Light:
         """Return the light after the world is turned by rotation [3, 3]: new(d) = old(rotation^T d).

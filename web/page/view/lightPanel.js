@@ -3,7 +3,7 @@
 import { OWN_FILES, exportTarget, save } from "../downloads.js";
 import { element, setStatus } from "./elements.js";
 import { errorLine } from "../words.js";
-import { brightestSide } from "../../src/light/light.js";
+import { brightestSide, sideOf } from "../../src/light/light.js";
 import { describeDirection, drawMap, drawSphere, placeOnMap } from "./pictures.js";
 import { SPHERE_NAMES, shadeSpheres, unclippedEv } from "./spheres.js";
 
@@ -18,6 +18,9 @@ const TITLES = {
 };
 
 const AS_SHOWN = "The map as it is shown above, with its exposure or false colour; radiance is in .exr and .hdr";
+
+/** An error [degrees] beyond which a direction says no more than a side. */
+const DOUBTED_DEG = 45;
 
 export class LightPanel {
   constructor(config) {
@@ -40,13 +43,11 @@ export class LightPanel {
     Object.assign(this, { result, about, shaded: shadeSpheres(result.light.radiance) });
     this.#drawMap();
     this.#drawSpheres();
-    const { ground, uncertainty, dominant: { direction, irradiance, errorDeg } } = result.light;
-    const marker = element("marker");
-    marker.hidden = Math.max(...irradiance) === 0;
+    const { isSoft, uncertainty, dominant: { direction, irradiance } } = result.light;
+    const [isDark, marker] = [Math.max(...irradiance) === 0, element("marker")];
+    marker.hidden = isDark || isSoft;
     Object.assign(marker.style, placeOnMap(direction));
-    const error = `±\u00a0${Math.round(errorDeg)}°`;
-    const isSoft = result.light.isSoft && !marker.hidden;
-    element("direction").textContent = isSoft ? `soft, brightest from ${brightestSide(result.light)}` : marker.hidden ? "none stands out" : `${describeDirection(direction, ground)} ${error}`;
+    element("direction").textContent = isDark ? "none stands out" : described(result.light);
     element("brightness").textContent = uncertainty ? `, brightness ± ${uncertainty.levelStops.toFixed(1)} stops` : "";
     this.#setReady(true);
   }
@@ -115,4 +116,12 @@ export class LightPanel {
       setStatus(errorLine(error), "fault");
     }
   }
+}
+
+/** Where light comes from, in the command line's words. */
+function described(light) {
+  const { isSoft, ground, dominant: { direction, errorDeg } } = light;
+  if (isSoft) return `soft, brightest from ${brightestSide(light)}`;
+  const where = errorDeg > DOUBTED_DEG ? `probably from ${sideOf(direction, ground)}` : describeDirection(direction, ground);
+  return `${where} ±\u00a0${Math.round(errorDeg)}°`;
 }

@@ -37,8 +37,8 @@ export function placeOnMap(direction) {
   return { left: `${100 * u}%`, top: `${100 * v}%` };
 }
 
-/** Beyond so many degrees to either side a direction is behind the camera: its side says nothing, and jumps. */
-const BEHIND_DEG = 165;
+/** Beyond so many degrees to either side a direction is behind the camera, and up or down it is steep: its side says nothing. */
+const [BEHIND_DEG, STEEP_DEG] = [165, 75];
 
 /**
  * A direction in words, as the command line prints it: how far to the right of the camera's view, beyond 90° behind it, and how
@@ -53,7 +53,8 @@ export function describeDirection(direction, ground = null) {
   const azimuth = degrees(Math.atan2(x, -back));
   const elevation = degrees(Math.asin(Math.min(Math.max(y, -1), 1)));
   const side = Math.abs(azimuth) > BEHIND_DEG ? "behind" : `${Math.abs(azimuth)}° ${azimuth < 0 ? "left" : "right"}`;
-  return `${side}, ${Math.abs(elevation)}° ${elevation < 0 ? "down" : "up"}`;
+  const height = `${Math.abs(elevation)}° ${elevation < 0 ? "down" : "up"}`;
+  return Math.abs(elevation) < STEEP_DEG ? `${side}, ${height}` : height;
 }
 
 /** A sphere of shadeSpheres as the camera would show it at an exposure [EV]. */

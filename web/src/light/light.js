@@ -38,12 +38,16 @@ export class Light {
 /** Of directions along -X and X, -Y and Y, -Z and Z. */
 const SIDES = [["the left", "the right"], ["below", "above"], ["behind the object", "the camera's side"]];
 
-/** The side that most light comes from, in the photo's frame, or level where the ground is known. @param {Light} light */
-export function brightestSide({ sh9, ground }) {
-  const mean = [3, 1, 2].map((term) => sh9[3 * term] + sh9[3 * term + 1] + sh9[3 * term + 2]);
-  const toward = ground ? levelled(mean, ground) : mean;
+/** The side that a direction of the photo's frame points to, level where the ground is known. */
+export function sideOf(direction, ground) {
+  const toward = ground ? levelled(direction, ground) : direction;
   const axis = toward.reduce((best, value, i) => (Math.abs(value) > Math.abs(toward[best]) ? i : best), 0);
   return SIDES[axis][toward[axis] > 0 ? 1 : 0];
+}
+
+/** The side that most light comes from, as sideOf. @param {Light} light */
+export function brightestSide({ sh9, ground }) {
+  return sideOf([3, 1, 2].map((term) => sh9[3 * term] + sh9[3 * term + 1] + sh9[3 * term + 2]), ground);
 }
 
 /** A direction of the camera's in a frame whose +Y is up; the camera's azimuth is kept. */
