@@ -37,7 +37,7 @@ SAVE_EVERY = 24
 """Frames between two saves; a resumed run repeats what came after the last one."""
 
 SHADOW_DIRECTIONS, SHADOW_GRID = 64, 128
-"""Fewer than for a photo, which has 192 and 256, as a clip has many pictures."""
+"""Fewer than for a photo, which has 192 and 320, as a clip has many pictures."""
 
 LIGHT = "_light"
 """Name of light.mp4's pieces."""
