@@ -132,6 +132,7 @@ def test_names_are_ordered_whatever_digits_they_have():
         (("estimate", "-"), "light/stdin.exr"),
         (("mask", "-"), "masks/stdin_mask.png"),
         (("relight", "-"), "relit/stdin_relit.png"),
+        (("relight", "-", "-o", "shots"), "shots/stdin_relit.png"),
     ],
 )
 def test_a_photo_may_come_from_standard_input(command, photo_path, work, monkeypatch, order, written):

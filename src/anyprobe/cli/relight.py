@@ -119,7 +119,7 @@ def relight(
     Args:
         photo: The photo with the object; - for stdin.
         turn: Its rotation about the vertical axis, degrees.
-        out: File to write: .png, or .exr with passes; default: relit/<stem>_relit.png.
+        out: File to write, .png, or .exr with passes; or a folder for <stem>_relit.png, by default relit.
         light: Use this .exr or .hdr map that estimate wrote, instead of an estimate.
     """
     if photo.is_dir():
@@ -130,11 +130,12 @@ def relight(
     hints, segmenter = hints_for(photo, given.hints()), given.open_segmenter()
     contact, mesh = inserting.foot(), inserting.mesh(insert)
     place = placing(Arrangement)(size=size, at=contact, turn_deg=turn)
-    out = out or Path("relit") / f"{result_stem(photo, [photo])}_relit.png"
+    out = out or Path("relit")
+    if not out.suffix:
+        out /= f"{result_stem(photo, [photo])}_relit.png"
     kind = out.suffix.lower()
     if kind not in _SUFFIXES:
-        text = f"expected a name that ends in {', '.join(_SUFFIXES)}, got {kind or 'no suffix'}; change it"
-        raise OutputError(text, source=out)
+        raise OutputError(f"expected a name that ends in {', '.join(_SUFFIXES)}, got {kind}; change it", source=out)
     if kind != ".exr":
         options.refuse_unused("without an .exr", "colorspace")
     inputs = (photo, light, *hints.files().values())
