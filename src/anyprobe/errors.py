@@ -130,3 +130,11 @@ class MissingExtra(AnyprobeError, ImportError):
             reason = " ".join(str(error).split())[:120]
             text = f"{purpose} needs the package {package}, which cannot be loaded ({reason}); reinstall it"
         super().__init__(text)
+
+
+def optional(module: str, package: str, extra: str, purpose: str) -> Any:
+    """Import a module of an optional package, which `extra` installs; MissingExtra where it is absent."""
+    try:
+        return __import__(module)
+    except ImportError as error:
+        raise MissingExtra(package, extra, purpose, error) from error

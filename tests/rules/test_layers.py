@@ -87,6 +87,8 @@ def imports_in(path: Path, root: Path) -> Iterator[Import]:
                 found = [(module, child.level)]
                 if module in ("anyprobe", "anyprobe_train"):
                     found = [(f"{module}.{alias.name}", child.level) for alias in child.names]
+            elif isinstance(child, ast.Call) and getattr(child.func, "id", "") == "optional":
+                found = [(one.value, 0) for one in child.args[:1] if isinstance(one, ast.Constant)]
             for module, level in found:
                 place = f"{relative}:{child.lineno}"
                 yield Import(part=part, place=place, function=inside, module=module, level=level)

@@ -11,6 +11,7 @@ import socket
 import sys
 import tempfile
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -18,7 +19,7 @@ from cyclopts import Parameter
 
 from anyprobe.cli.doctor import mask_network
 from anyprobe.cli.options import ModelOption, bounded
-from anyprobe.errors import InputError, MissingExtra, OutputError
+from anyprobe.errors import InputError, OutputError, optional
 from anyprobe.files.graphs import CHILD_ENVIRONMENT, usable_cores
 from anyprobe.inputs.settings import DEFAULT_MODEL
 from anyprobe.masks.weights import find_weights
@@ -65,7 +66,8 @@ def serve(
         token: Token of 8 characters or more that clients must send, or none; default: a new one beyond this machine.
         drain: Seconds that running work gets when the server is stopped (SIGTERM).
     """
-    _need_serve()
+    for package in ("fastapi", "uvicorn", "pebble", "prometheus-client", "python-multipart"):
+        optional(package.replace("-", "_"), package, "serve", "anyprobe serve")
     import uvicorn
 
     from anyprobe.estimate.estimator import Estimator
@@ -164,29 +166,18 @@ def is_loopback(host: str) -> bool:
     """Return whether a host name is unreachable for other machines."""
     if host == "localhost":
         return True
-    try:
+    with suppress(ValueError):  # another name
         return ipaddress.ip_address(host.strip("[]")).is_loopback
-    except ValueError:  # another name
-        return False
+    return False
 
 
 def own_address() -> str:
     """Return this machine's address in its own network; nothing is sent to find it."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        try:
+        with suppress(OSError):
             probe.connect(("192.0.2.1", 9))  # a documentation address: choosing a route sends no packet
             return str(ipaddress.ip_address(probe.getsockname()[0]))
-        except OSError:
-            return "127.0.0.1"
-
-
-def _need_serve() -> None:
-    """Raise MissingExtra if a package of the extra serve is absent."""
-    for package in ("fastapi", "uvicorn", "pebble", "prometheus-client", "python-multipart"):
-        try:
-            __import__(package.replace("-", "_"))
-        except ImportError as error:
-            raise MissingExtra(package, "serve", "anyprobe serve", error) from error
+    return "127.0.0.1"
 
 
 def write_certificate(folder: Path, hosts: Sequence[str]) -> tuple[Path, Path]:
@@ -198,12 +189,11 @@ def write_certificate(folder: Path, hosts: Sequence[str]) -> tuple[Path, Path]:
     Returns:
         Paths of certificate and key, PEM; the key is readable by its owner alone.
     """
-    try:
-        from cryptography import x509
-        from cryptography.hazmat.primitives import hashes, serialization
-        from cryptography.hazmat.primitives.asymmetric import ec
-    except ImportError as error:
-        raise MissingExtra("cryptography", "serve", "--https", error) from error
+    optional("cryptography.x509", "cryptography", "serve", "--https")
+    from cryptography import x509
+    from cryptography.hazmat.primitives import hashes, serialization
+    from cryptography.hazmat.primitives.asymmetric import ec
+
     key = ec.generate_private_key(ec.SECP256R1())
     name = x509.Name([x509.NameAttribute(x509.oid.NameOID.COMMON_NAME, "anyprobe")])
     now = datetime.datetime.now(datetime.UTC)
@@ -230,7 +220,6 @@ def write_certificate(folder: Path, hosts: Sequence[str]) -> tuple[Path, Path]:
 def _alternative(host: str):
     from cryptography import x509
 
-    try:
+    with suppress(ValueError):
         return x509.IPAddress(ipaddress.ip_address(host))
-    except ValueError:
-        return x509.DNSName(host)
+    return x509.DNSName(host)

@@ -11,7 +11,7 @@ import numpy as np
 from PIL import Image
 from PIL.TiffImagePlugin import ImageFileDirectory_v2
 
-from anyprobe.errors import InvalidPhoto, MissingExtra
+from anyprobe.errors import InvalidPhoto, optional
 from anyprobe.maps.image_io import ImageInput, open_image, read_pixels
 from anyprobe.pictures.headers import JXL_STARTS, MAX_PIXELS, ON_ITS_SIDE, check_size, jxl_boxes, jxl_size
 
@@ -70,8 +70,7 @@ def read_deep(stream: BinaryIO, head: bytes, name: str) -> DeepPicture | None:
         width, height = jxl_size(data)
         check_size(width, height, name)
         found = _read(stream, "jpegxl", name)
-        exif = b"".join(jxl_boxes(data, b"Exif")[:1])
-        return None if found is None else DeepPicture(**found, exif=exif, kind="JXL")
+        return None if found is None else DeepPicture(**found, exif=b"".join(jxl_boxes(data, b"Exif")[:1]), kind="JXL")
     return None
 
 
@@ -193,25 +192,23 @@ def is_raw(head: bytes, name: str) -> bool:
 def _begins_as_raw(head: bytes) -> bool:
     """Return whether the first directory of a TIFF is a camera's: of DNG, of a mosaic, or of a preview of what
     follows."""
-    try:
+    with suppress(Exception):  # its parser raises whatever the bad bytes lead it to
         stream, tags = io.BytesIO(head), ImageFileDirectory_v2(head[:8])
         stream.seek(tags.next)
         tags.load(stream)
         return DNG_VERSION in tags or tags.get(SUBFILE) == 1 or tags.get(PHOTOMETRIC) in (MOSAIC, LINEAR_RAW)
-    except Exception:  # its parser raises whatever the bad bytes lead it to
-        return False
+    return False
 
 
 def raw_size(data: bytes) -> tuple[int, int] | None:
     """Width and height of a raw photo, upright; None where LibRaw is missing or cannot read it."""
-    try:
+    with suppress(Exception):  # LibRaw's errors, and whatever the bad bytes lead it to
         import rawpy
 
         with rawpy.imread(io.BytesIO(data)) as raw:
             width, height = raw.sizes.iwidth, raw.sizes.iheight
             return (height, width) if raw.sizes.flip in (5, 6) else (width, height)
-    except Exception:  # LibRaw's errors, and whatever the bad bytes lead it to
-        return None
+    return None
 
 
 def develop(data: bytes, name: str) -> tuple[np.ndarray, tuple[str, ...]]:
@@ -222,10 +219,7 @@ def develop(data: bytes, name: str) -> tuple[np.ndarray, tuple[str, ...]]:
     Raises:
         MissingExtra: without its reader. InvalidPhoto: damaged, too large, or of a camera that LibRaw does not know.
     """
-    try:
-        import rawpy
-    except ImportError as error:
-        raise MissingExtra("rawpy", "raw", f"{name}: a RAW photo", error) from error
+    rawpy = optional("rawpy", "rawpy", "raw", f"{name}: a RAW photo")
     notes: tuple[str, ...] = ()
     try:
         with rawpy.imread(io.BytesIO(data)) as raw:

@@ -10,7 +10,7 @@ import numpy as np
 from PIL import ExifTags, Image, ImageFile
 from PIL.TiffImagePlugin import ImageFileDirectory_v2, TiffImageFile
 
-from anyprobe.errors import InvalidPhoto, MissingExtra
+from anyprobe.errors import InvalidPhoto, optional
 from anyprobe.notices import CHOOSE_PHOTO, USE_VIDEO, Remedy
 from anyprobe.pictures.file_parts import iso_boxes, markers
 
@@ -89,7 +89,7 @@ def open_picture(stream: BinaryIO, name: str = "photo") -> ImageFile.ImageFile:
     head = stream.read(64)
     brands = head[16 : int.from_bytes(head[:4], "big")]  # besides the main one
     if head[4:8] == b"ftyp" and head[8:12] in _HEIC_BRANDS and b"avif" not in brands:
-        _register_heic(name)
+        optional("pillow_heif", "pillow-heif", "heic", f"{name}: a HEIC photo").register_heif_opener()
     for kind in PHOTO_FORMATS:
         factory, accepts = Image.OPEN.get(kind, (None, None))
         if factory is None or (accepts is not None and accepts(head) is not True):
@@ -158,8 +158,7 @@ def kind_of(head: bytes, num_bytes: int) -> tuple[str, tuple[Remedy, ...]]:
     if head[4:8] == b"ftyp":
         picture = BRANDS.get(head[8:12])
         return ("a video", (Remedy("run", USE_VIDEO),)) if picture is None else (picture, ())
-    found = next((kind for start, kind in KINDS_BY_START.items() if head.startswith(start)), None)
-    if found is not None:
+    if (found := next((kind for start, kind in KINDS_BY_START.items() if head.startswith(start)), None)) is not None:
         return found, ()
     return f"{num_bytes} bytes of something else", (Remedy("run", CHOOSE_PHOTO),)
 
@@ -168,10 +167,9 @@ def orientation_of(image: Image.Image) -> int:
     """Return the EXIF orientation; 1, upright, if that is damaged, or if the reader has turned the picture already."""
     if image.format == "JXL":
         return 1
-    try:
+    with suppress(Exception):  # its parser raises whatever the bad bytes lead it to
         return int(image.getexif().get(ExifTags.Base.Orientation, 1))
-    except Exception:  # its parser raises whatever the bad bytes lead it to
-        return 1
+    return 1
 
 
 def jxl_size(data: bytes) -> tuple[int, int]:
@@ -208,11 +206,9 @@ def jxl_boxes(data: bytes, wanted: bytes) -> list[bytes]:
 
 def exif_of(image: Image.Image, directory: int | None = None) -> Any:
     """Return EXIF tags; empty if they are damaged, since the picture can be used without them."""
-    try:
-        exif = image.getexif()
-        return exif if directory is None else exif.get_ifd(directory)
-    except Exception:  # its parser raises whatever the bad bytes lead it to
-        return {}
+    with suppress(Exception):  # its parser raises whatever the bad bytes lead it to
+        return image.getexif() if directory is None else image.getexif().get_ifd(directory)
+    return {}
 
 
 def _check_scans(stream: BinaryIO, name: str) -> None:
@@ -229,14 +225,6 @@ def _check_scans(stream: BinaryIO, name: str) -> None:
     if len(list(islice(scans, MAX_SCANS + 1))) > MAX_SCANS:
         text = f"expected a JPEG of at most {MAX_SCANS} scans, got more; save it again as PNG or JPEG"
         raise InvalidPhoto(text, source=name)
-
-
-def _register_heic(name: str) -> None:
-    try:
-        import pillow_heif
-    except ImportError as error:
-        raise MissingExtra("pillow-heif", "heic", f"{name}: a HEIC photo", error) from error
-    pillow_heif.register_heif_opener()
 
 
 # Apple's maker note in EXIF: signed rationals by tag, among them the direction of gravity. Tags and axes: ExifTool,
@@ -280,19 +268,11 @@ def apple_posture_deg(image: Image.Image) -> tuple[float, float] | None:
 
     Known for the rear camera of a phone at rest, in a picture that is shown upright.
     """
-    acceleration = apple_numbers(image).get(_ACCELERATION, ())
-    if len(acceleration) != 3:
-        return None
-    try:
-        exif = image.getexif()
-        axes = _UPRIGHT.get(int(exif.get(ExifTags.Base.Orientation, 1)))
-        lens = str(exif.get_ifd(ExifTags.IFD.Exif).get(ExifTags.Base.LensModel, ""))
-    except Exception:  # as in apple_numbers
-        return None
-    up = np.array(acceleration)
-    if axes is None or "front" in lens.lower() or not AT_REST[0] <= np.linalg.norm(up) <= AT_REST[1]:
+    up = np.array(apple_numbers(image).get(_ACCELERATION, ()))
+    axes = _UPRIGHT.get(exif_of(image).get(ExifTags.Base.Orientation, 1))
+    lens = str(exif_of(image, ExifTags.IFD.Exif).get(ExifTags.Base.LensModel, ""))
+    if len(up) != 3 or axes is None or "front" in lens.lower() or not AT_REST[0] <= np.linalg.norm(up) <= AT_REST[1]:
         return None
     right, above = (float(up @ axis) for axis in np.array(axes))
-    pitch = np.degrees(np.arctan2(-up[2], np.hypot(right, above)))
-    roll = np.degrees(np.arctan2(right, above))
-    return (float(pitch), float(roll)) if abs(roll) <= MOST_ROLL_DEG else None
+    pitch, roll = np.degrees(np.arctan2([-up[2], right], [np.hypot(right, above), above])).tolist()
+    return (pitch, roll) if abs(roll) <= MOST_ROLL_DEG else None

@@ -5,7 +5,7 @@ PyAV reads mp4, mov, webm, mkv, avi, gif and more; see CONTAINERS.
 
 import os
 from collections.abc import Generator, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from anyprobe.errors import AnyprobeError, InputError, InvalidPhoto, MissingExtra, OutputError
+from anyprobe.errors import AnyprobeError, InputError, InvalidPhoto, OutputError, optional
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.paths import absence_of
 from anyprobe.video.frame_pixels import shown_pixels
@@ -91,11 +91,7 @@ def pyav() -> Any:
     Raises:
         MissingExtra: it is not installed.
     """
-    try:
-        import av
-    except ImportError as error:
-        raise MissingExtra("av", "video", "reading and writing video", error) from error
-    return av
+    return optional("av", "av", "video", "reading and writing video")
 
 
 def open_video(path: Path) -> Any:
@@ -112,16 +108,10 @@ def open_video(path: Path) -> Any:
         except TypeError:  # since PyAV 19 a title may be of any encoding
             return av.open(url, options=dict(ONE_FILE))
     except av.error.ArgumentError as error:
-        raise _not_opened(path) from error
-
-
-def _not_opened(path: Path) -> InputError:
-    try:
-        with Image.open(path):
-            text = "expected a video, got a picture; anyprobe estimate and relight take it"
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
         text = "expected a video, got another kind of file, or a playlist, which names other files; convert it to mp4"
-    return InputError(text, source=path)
+        with suppress(OSError, ValueError, SyntaxError, Image.DecompressionBombError), Image.open(path):
+            text = "expected a video, got a picture; anyprobe estimate and relight take it"
+        raise InputError(text, source=path) from error
 
 
 def open_clip(path: Path) -> Clip:
@@ -177,8 +167,7 @@ def read_frames(clip: Clip, damaged: list[int]) -> Generator[Frame, None, None]:
         packets, progressive = container.demux(stream), Progressive()
         while True:
             try:
-                packet = next(packets, None)
-                if packet is None:
+                if (packet := next(packets, None)) is None:
                     return
                 pictures = []
                 for picture in progressive(packet):

@@ -12,7 +12,7 @@ from types import ModuleType
 
 import numpy as np
 
-from anyprobe.errors import MissingExtra
+from anyprobe.errors import optional
 
 FINE_PX, COARSE_PX = 192, 32
 """Longer side of the object [pixels] for aligning, and for the first search."""
@@ -77,11 +77,7 @@ class Key:
 
 def opencv() -> ModuleType:
     """Return cv2; MissingExtra if it is not installed."""
-    try:
-        import cv2
-    except ImportError as error:
-        raise MissingExtra("opencv-python-headless", "video", "following an object", error) from error
-    return cv2
+    return optional("cv2", "opencv-python-headless", "video", "following an object")
 
 
 def luma(rgb: np.ndarray) -> np.ndarray:
@@ -124,8 +120,7 @@ def locate_key(key: Key, picture: np.ndarray, start: Motion, offset: tuple[int, 
             _, moved = cv2.findTransformECCWithMask(key.luma, seen, *covers, warp.copy(), kind, until, 1)
         except cv2.error:  # no convergence, or the object is outside the picture
             continue
-        found = _motion_of(key, moved.astype(np.float64), first)
-        if found is not None:
+        if (found := _motion_of(key, moved.astype(np.float64), first)) is not None:
             result = _judged(key, seen, moved, found)
             if 1.0 - result.alike < FEWER * (1.0 - best.alike):
                 best = result
@@ -151,8 +146,7 @@ def _judged(key: Key, seen: np.ndarray, warp: np.ndarray, motion: Motion) -> Reg
     down, across = np.gradient(blurred)
     slopes = np.stack([across[both], down[both]])
     left = float(np.mean((m - gain * k) ** 2)) / max(gain, 0.1) ** 2
-    covariance = np.linalg.inv(slopes @ slopes.T + 1e-3 * np.eye(2)) * left
-    error = ERROR * float(np.sqrt(np.trace(covariance))) * key.step
+    error = ERROR * float(np.sqrt(np.trace(np.linalg.inv(slopes @ slopes.T + 1e-3 * np.eye(2)) * left))) * key.step
     return Registered(motion=motion, alike=alike, inside=float(both.sum() / inside.sum()), error_px=error)
 
 
