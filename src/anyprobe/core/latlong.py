@@ -79,16 +79,17 @@ def bilinear(image, uv):
     return upper * (1 - fy) + lower * fy
 
 
-def corners(column, row, width: int) -> list:
-    """Return the four pixels around fractional (column, row) in a flat picture of this width: index pairs (int32) and
-    shares. Columns and rows are of one shape, at least 0 and below the last."""
+def corners(column, row, width, start=0) -> list:
+    """Return the four pixels around fractional (column, row) in a flat picture of this width, whose first pixel is at
+    start: index pairs (int32) and shares. Columns and rows are of one shape, at least 0 and below the last."""
     xp = array_namespace(column)
     column0, row0 = xp.floor(column), xp.floor(row)
     right, down = column - column0, row - row0
-    first = xp.astype(row0 * width + column0, xp.int32)
+    first = xp.astype(start + row0 * width + column0, xp.int32)
+    below = first + (width if isinstance(width, int) else xp.astype(width, xp.int32))
     return [
         (first, (1.0 - right) * (1.0 - down)),
         (first + 1, right * (1.0 - down)),
-        (first + width, (1.0 - right) * down),
-        (first + width + 1, right * down),
+        (below, (1.0 - right) * down),
+        (below + 1, right * down),
     ]

@@ -129,16 +129,15 @@ def _above_white(above: np.ndarray, clipped: np.ndarray, unseen: np.ndarray) -> 
 def _solid_angles(wi: np.ndarray, known: np.ndarray) -> np.ndarray:
     """Return the solid angle [sr] that each pixel of a mirror shows, [S, S, 1], by its neighbours' directions [S, S,
     3]."""
-    sides = []
-    for axis in (0, 1):
-        steps = np.diff(wi, axis=axis)
-        both = np.take(known, range(1, len(known)), axis) & np.take(known, range(len(known) - 1), axis)
-        pad = [(0, 0)] * axis + [(1, 1)] + [(0, 0)] * (1 - axis)
-        steps, both = np.pad(steps * both[..., None], [*pad, (0, 0)]), np.pad(both, pad)
-        first, last = (np.take(one, range(len(known)), axis) for one in (steps, both))
-        second, later = (np.take(one, range(1, len(known) + 1), axis) for one in (steps, both))
-        sides.append((first + second) / np.maximum(last.astype(np.float32) + later, 1.0)[..., None])
-    return np.minimum(np.linalg.norm(np.cross(*sides), axis=-1, keepdims=True), MOST_STERADIANS)
+
+    def steps(wi: np.ndarray, known: np.ndarray) -> np.ndarray:
+        """Return the mean way to the pixels above and below that are known too."""
+        both = (known[1:] & known[:-1])[..., None].astype(np.float32)
+        way, count = (np.pad(one, ((1, 1), (0, 0), (0, 0))) for one in (np.diff(wi, axis=0) * both, both))
+        return (way[:-1] + way[1:]) / np.maximum(count[:-1] + count[1:], 1.0)
+
+    down, across = steps(wi, known), steps(wi.swapaxes(0, 1), known.T).swapaxes(0, 1)
+    return np.minimum(np.linalg.norm(np.cross(down, across), axis=-1, keepdims=True), MOST_STERADIANS)
 
 
 def _laid_down(emitted: np.ndarray, angles: np.ndarray, uv: np.ndarray, height: int) -> np.ndarray:
@@ -148,8 +147,7 @@ def _laid_down(emitted: np.ndarray, angles: np.ndarray, uv: np.ndarray, height: 
     """
     result, at = np.zeros((height, 2 * height, 3)), direction_to_uv(pixel_directions(height))
     areas = pixel_solid_angles(height)[..., None]
-    largest = float(areas.max())
-    level_of = np.clip(np.ceil(np.log2(np.maximum(angles[:, 0] / largest, 1e-6)) / 2), 0, LEVELS - 1)
+    level_of = np.clip(np.ceil(np.log2(np.maximum(angles[:, 0] / float(areas.max()), 1e-6)) / 2), 0, LEVELS - 1)
     for level in range(LEVELS):
         chosen = level_of == level
         power = (emitted * angles)[chosen]
@@ -224,8 +222,7 @@ def use_material(
             confidence = (confidence + seen * (worth * MEASURED_CONFIDENCE - confidence)).astype(np.float32)
         how = {"material": done, "measured": True, "above_white": is_above_white}
         return replace(said, radiance=radiance, confidence=confidence), how
-    in_crop = rotate(said.radiance, turn.T)
-    gain = fit_gain(in_crop, said.image, normals, said.tan_half, material) ** TRUST
+    gain = fit_gain(rotate(said.radiance, turn.T), said.image, normals, said.tan_half, material) ** TRUST
     return replace(said, radiance=said.radiance * gain), {"material": done, "gain": json_numbers(gain, 5)}
 
 
@@ -266,8 +263,7 @@ def fit_gain(
     n, wo = (np.asarray(v[at], np.float32) for v in (normals, pixel_rays(tan_half, size)))
     wide = shading_pyramid(radiance)
     pyramid = wide if material.alpha >= PATCHES[0][0] else shading_pyramid(radiance, material.alpha)
-    shading = shade(pyramid, n, wo, np.float32(material.alpha), hammersley(NUM_SAMPLES), wide=wide)
-    seen = shading.radiance(material)
+    seen = shade(pyramid, n, wo, np.float32(material.alpha), hammersley(NUM_SAMPLES), wide=wide).radiance(material)
     target = small[at][:, :3].mean(axis=0)
     low, high = np.full(3, -MAX_STOPS), np.full(3, MAX_STOPS)
     for _ in range(24):

@@ -57,8 +57,7 @@ def rotate(radiance, rotation):
     A world-to-camera rotation gives the camera's view.
     """
     xp = array_namespace(radiance)
-    height = radiance.shape[0]
-    directions = pixel_directions(height) @ np.asarray(rotation, dtype=np.float32)  # R^T d
+    directions = pixel_directions(radiance.shape[0]) @ np.asarray(rotation, dtype=np.float32)  # R^T d
     uv = direction_to_uv(directions).astype(np.float32)
     return bilinear(radiance, xp.asarray(uv, device=device(radiance)))
 

@@ -26,9 +26,8 @@ def _spectrum(
     """Return the cosine spectrum [F, H, H] of weight(cos angle, parameter) dOmega, rows out x rows in."""
     theta = (np.arange(height) + 0.5) * np.pi / height
     delta = np.arange(2 * height) * np.pi / height
-    cosine = np.cos(theta)[:, None, None] * np.cos(theta)[None, :, None] + np.sin(theta)[:, None, None] * np.sin(theta)[
-        None, :, None
-    ] * np.cos(delta)
+    across, along = np.sin(theta), np.cos(theta)
+    cosine = np.outer(along, along)[..., None] + np.outer(across, across)[..., None] * np.cos(delta)
     kernel = weight(np.clip(cosine, -1.0, 1.0), parameter) * pixel_solid_angles(height).astype(np.float64)[None]
     if normalised:
         kernel /= kernel.sum(axis=(1, 2), keepdims=True)

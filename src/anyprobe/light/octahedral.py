@@ -13,7 +13,7 @@ import numpy as np
 from array_api_compat import array_namespace, device, to_device
 
 from anyprobe.core.color import luminance
-from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
+from anyprobe.core.latlong import bilinear, corners, direction_to_uv, pixel_directions, pixel_solid_angles
 
 WIDENING = 0.75
 """Factor of 1 - r by which an emitter's size widens alpha^2, r the length of its mean direction.
@@ -118,8 +118,7 @@ def _resampling(side: int) -> np.ndarray:
     """Return the map coordinates of the texels' subsamples, two along each side: [side, 2, side, 2, 2]."""
     centres = (np.arange(2 * side) + 0.5) / (2 * side)
     st = np.stack(np.meshgrid(centres, centres), axis=-1)
-    uv = direction_to_uv(octahedral_to_direction(st)).astype(np.float32)
-    return uv.reshape(side, 2, side, 2, 2)
+    return direction_to_uv(octahedral_to_direction(st)).astype(np.float32).reshape(side, 2, side, 2, 2)
 
 
 @lru_cache(maxsize=16)
@@ -132,8 +131,7 @@ def _border_index(side: int) -> np.ndarray:
     row = np.clip(row, 0, side - 1)
     over_column = (column < 0) | (column >= side)
     row = np.where(over_column, side - 1 - row, row)
-    column = np.clip(column, 0, side - 1)
-    return (row * side + column).reshape(-1)
+    return (row * side + np.clip(column, 0, side - 1)).reshape(-1)
 
 
 @lru_cache(maxsize=8)
@@ -197,19 +195,8 @@ def lookup_rgb(pyramid: Pyramid, x, y, z, lod):
     level = xp.clip(xp.round(lod), 0, pyramid.num_levels - 1)
     size = pyramid.side / xp.exp2(level) if hasattr(xp, "exp2") else pyramid.side / 2.0**level
     s, t = _unfold(x, y, z)
-    column, row = s * size + 0.5, t * size + 0.5  # +0.5: the border's width less half a texel
-    column0, row0 = xp.floor(column), xp.floor(row)
-    right, down = column - column0, row - row0
     # texels before a level: the sum of (s + 2)^2 over the larger sides s, a geometric series
     s0 = float(pyramid.side)
     before = (s0 * s0 - size * size) * (4.0 / 3.0) + (s0 - size) * 8.0 + 4.0 * level
-    stride = size + 2.0
-    base = xp.astype(before + row0 * stride + column0, xp.int32)
-    below = base + xp.astype(stride, xp.int32)
-    corners = (
-        (base, (1.0 - right) * (1.0 - down)),
-        (base + 1, right * (1.0 - down)),
-        (below, (1.0 - right) * down),
-        (below + 1, right * down),
-    )
-    return tuple(sum(pyramid.texels[index, channel] * weight for index, weight in corners) for channel in range(3))
+    around = corners(s * size + 0.5, t * size + 0.5, size + 2.0, before)  # +0.5: the border's width less half a texel
+    return tuple(sum(pyramid.texels[index, channel] * weight for index, weight in around) for channel in range(3))
