@@ -34,7 +34,7 @@ from anyprobe.estimate.photo import load_photo
 from anyprobe.files.objects import open_object
 from anyprobe.relight.ground_view import View
 from anyprobe.relight.insert import Arrangement, Stage, transmittance, window_of
-from anyprobe.relight.placement import Placement, Side, place_beside
+from anyprobe.relight.placement import Placement, place_beside
 from anyprobe.scatter.materials import material_named
 from research.scenes.camera import take
 from research.scenes.layouts import Layout, draw_layout
@@ -101,7 +101,7 @@ def _row(layout: Layout, path: Path, estimator: Estimator) -> dict[str, Any] | N
         stage = Stage(photo, open_object("sphere"), Arrangement(size=SIZE, ground=light.ground))
     except AnyprobeError:
         return None
-    if stage.placement.side is not Side.beside or light.ground is None:
+    if stage.placement.is_in_front or light.ground is None:
         return None
     view = true_view(layout.phone)
     at = stage.view.pixels(stage.placement.foot)

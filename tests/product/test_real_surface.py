@@ -60,5 +60,5 @@ def test_nothing_is_put_beside_an_object_on_a_post_unless_a_place_is_given():
     photo = photo_of((0.05, 0.05, 0.06))
     with refused("at"):
         Stage(photo, sphere(24))
-    assert Stage(photo, sphere(24), Arrangement(at=(200, 150))).placement.side == "asked"
-    assert Stage(photo_of(None), sphere(24)).placement.side == "beside"
+    for stage in (Stage(photo, sphere(24), Arrangement(at=(200, 150))), Stage(photo_of(None), sphere(24))):
+        assert not stage.placement.is_in_front

@@ -229,7 +229,7 @@ def test_never_over_the_real_object(left, right):
         stage = Stage(photo, open_object(name))
         pixels = stage.view.pixels(stage.placement.mesh.positions)
         beside = pixels[:, 0].min() >= right - 0.5 or pixels[:, 0].max() <= left + 0.5
-        assert beside == (stage.placement.side == "beside")
+        assert beside != stage.placement.is_in_front
         assert any("no room beside" in line for line in stage.warnings) != beside
 
 
@@ -252,7 +252,7 @@ def test_with_little_room_it_is_small():
     mask = np.zeros((HEIGHT, WIDTH), np.float32)
     mask[20 : HEIGHT - 8, 8:212] = 1
     stage = standing_by(mask)
-    assert stage.placement.side == "beside"
+    assert not stage.placement.is_in_front
     assert 0.2 < stage.placement.share < 0.35
     assert not any("no room" in line for line in stage.warnings)
 
@@ -272,7 +272,7 @@ def test_an_object_that_runs_over_the_lower_border_hides_where_it_stands(below):
 def test_what_stands_lower_and_aside_is_not_in_front():
     photo = load_photo(Path(__file__).parents[2] / "examples" / "table.jpg", box=(130, 100, 325, 385))
     stage = Stage(photo, OBJECTS["sphere"](), Arrangement(ground=anyprobe.estimate(photo).ground))
-    assert (stage.placement.side, stage.warnings) == ("beside", ())
+    assert (stage.placement.is_in_front, stage.warnings) == (False, ())
 
 
 def test_it_stands_below_what_overhangs():
@@ -281,7 +281,7 @@ def test_it_stands_below_what_overhangs():
     mask[20:70, 10:230], mask[70:140, 100:140] = 1, 1
     stage = standing_by(mask, size=0.4)
     pixels = stage.view.pixels(stage.placement.mesh.positions)
-    assert (stage.placement.side, stage.warnings) == ("beside", ())
+    assert (stage.placement.is_in_front, stage.warnings) == (False, ())
     assert pixels[:, 1].max() == pytest.approx(140, abs=1)
     assert pixels[:, 1].min() >= 70
     assert stage.placement.share == pytest.approx(1.0, abs=0.01)
@@ -293,7 +293,7 @@ def test_where_no_side_has_room_it_stands_in_front_and_says_so():
     mask[20:80, 4:236] = 1
     stage = standing_by(mask, size=0.4)
     pixels = stage.view.pixels(stage.placement.mesh.positions)
-    assert stage.placement.side == "front"
+    assert stage.placement.is_in_front
     assert pixels[:, 1].min() >= 79.5
     assert pixels[:, 1].max() <= HEIGHT
     assert "in front" in stage.warnings[0]

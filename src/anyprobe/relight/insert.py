@@ -22,7 +22,7 @@ from anyprobe.relight.appearance import material_from_photo
 from anyprobe.relight.camera_look import DRAWN_BLUR, CameraLook, blurred, grain_over, look_of
 from anyprobe.relight.ground_view import View, view_of
 from anyprobe.relight.near_ground import GroundPicture, Surroundings, draw_on_ground, hides_shadows, seen_ground
-from anyprobe.relight.placement import Placement, Side, check_foot, place_beside, real_body
+from anyprobe.relight.placement import Placement, check_foot, place_beside, real_body
 from anyprobe.relight.shadow import NUM_DIRECTIONS, SHADOW_CELLS, GroundShadow
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.surface import Camera
@@ -221,8 +221,7 @@ class Stage:
         if self.placement.mesh.positions[:, 2].max() >= 0:
             text = "the object reaches behind the camera; make it smaller or place it farther away"
             raise InputError(text, subject="size")
-        window = window_of(self.placement, self.view)
-        if window is None:
+        if (window := window_of(self.placement, self.view)) is None:
             raise InputError("the photo shows nothing of the object there; choose another place", subject="at")
         self.window: ObjectWindow = window
         self.look: CameraLook = look_of(photo)
@@ -235,7 +234,7 @@ class Stage:
     def warnings(self) -> tuple[Notice, ...]:
         """One line for each surprise about the place."""
         lines: list[tuple[str, tuple[str, ...]]] = []
-        if self.placement.side == Side.front:
+        if self.placement.is_in_front:
             lines.append(("no room beside the object: the inserted one stands in front of it", ("at", "size")))
         if hides_shadows(self.photo, self.view, self.placement):
             text = "the ground is so dark there that its shadow hardly shows"
@@ -322,8 +321,7 @@ class Stage:
         finer = {} if camera.size == self.window.camera.size else {"supersample": ENLARGED_SUPERSAMPLE}
         cast = self.shadow(radiance, MIRRORED_DIRECTIONS, MIRRORED_GRID) if shadow is None else shadow
         ground = GroundPicture(self.photo, self.view, radiance)
-        around = Surroundings(ground, self.placement, cast, self._real(), material)
-        drawn = draw_on_ground(around, camera, **finer)
+        drawn = draw_on_ground(Surroundings(ground, self.placement, cast, self._real(), material), camera, **finer)
         if np.any(material.albedo) and (drawn[..., 3] > 0).any():
             white = max(1.0, float(np.quantile(luminance(drawn[drawn[..., 3] > 0][:, :3]), 1.0 - MOST_WHITE)))
             drawn[..., :3] /= white

@@ -10,7 +10,6 @@ The real object's form is guessed from its mask: an upright body of elliptic sec
 """
 
 from dataclasses import dataclass, replace
-from enum import StrEnum
 
 import numpy as np
 
@@ -49,21 +48,14 @@ LEAST_HEIGHT = 1e-3
 """Smallest height of a virtual object, in its widths: sizes are given by height."""
 
 
-class Side(StrEnum):
-    """Side of the real object on which the virtual one stands; "asked" where the caller chose the place."""
-
-    asked = "asked"
-    beside = "beside"
-    front = "front"
-
-
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Placement:
     """A mesh placed on the ground.
 
     mesh: in the camera's frame. foot: [3] point of the ground below its middle. radius: of the
     smallest sphere around it. pitch_deg: camera's, downwards. share: its size over the requested one.
-    side: in front of the real object where it stands in columns of the photo that show that, at its height or lower.
+    is_in_front: whether it stands in columns of the photo that show the real object, at its height or lower, and not
+    where the caller chose.
     """
 
     mesh: Mesh
@@ -71,7 +63,7 @@ class Placement:
     radius: float
     pitch_deg: float
     share: float = 1.0
-    side: Side = Side.asked
+    is_in_front: bool = False
 
 
 def place_beside(
@@ -115,7 +107,7 @@ def place_beside(
     placed = _standing(unit, upright, spots.foot[best], height * share, pitch_deg)
     pixels = np.maximum(view.pixels(placed.mesh.positions), 0).astype(int)
     below = photo.mask[min(pixels[:, 1].min(), bottom - 1) :, pixels[:, 0].min() : pixels[:, 0].max() + 1]
-    return replace(placed, share=share, side=Side.front if (below > 0.5).any() else Side.beside)
+    return replace(placed, share=share, is_in_front=bool((below > 0.5).any()))
 
 
 class RealSurface:
@@ -163,8 +155,7 @@ class Spots:
         row = max(min(lowest, view.height - edge), view.farthest_row)
         columns = (np.arange(COLUMNS) + 0.5) / COLUMNS * view.width
         shares = np.geomspace(1.0, min(SMALLEST / size, 1.0), SIZES)
-        grid = np.meshgrid(shares, ROWS, columns, indexing="ij")
-        self.share, toward, column = (one.ravel() for one in grid)
+        self.share, toward, column = (one.ravel() for one in np.meshgrid(shares, ROWS, columns, indexing="ij"))
         rows = row + toward * max(view.height - edge - row, 0.0)
         foot_row = rows
         for _ in range(3):  # its lowest pixel is on the row
@@ -222,11 +213,9 @@ def _unit_high(mesh: Mesh) -> Mesh:
 
 
 def _standing(unit: Mesh, upright: np.ndarray, foot: np.ndarray, height: float, pitch_deg: float) -> Placement:
-    middle = np.array([0.0, 0.5, 0.0])
-    radius = height * float(np.linalg.norm(unit.positions - middle, axis=1).max())
+    radius = height * float(np.linalg.norm(unit.positions - np.array([0.0, 0.5, 0.0]), axis=1).max())
     positions = unit.positions @ upright.T * height + foot
-    normals = (unit.normals @ upright.T).astype(np.float32)
-    placed = Mesh(positions=positions, faces=unit.faces, normals=normals)
+    placed = Mesh(positions=positions, faces=unit.faces, normals=(unit.normals @ upright.T).astype(np.float32))
     return Placement(mesh=placed, foot=foot, radius=radius, pitch_deg=pitch_deg)
 
 
@@ -280,8 +269,7 @@ def real_body(photo: Photo, view: View, spot: Placement) -> Mesh | None:
     beyond = DEPTH * half.max() / np.linalg.norm(away)  # the camera's height is one
     lower = 1.0 - np.sqrt(max(1.0 - (beyond / max(upper.max(), 1e-9)) ** 2, 0.0))
     middle = middle - lower * upper[:, None] * view.up
-    flat = _flattened(spot, middle, half, view.up, right, toward)
-    if flat is None:
+    if (flat := _flattened(spot, middle, half, view.up, right, toward)) is None:
         return None
     angle = np.arange(SECTORS) * 2 * np.pi / SECTORS
     around = np.cos(angle)[:, None] * right + flat * np.sin(angle)[:, None] * toward
