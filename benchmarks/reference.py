@@ -19,8 +19,8 @@ from anyprobe.core.color import luminance
 from anyprobe.core.frames import dot, normalize, world_from_local
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_solid_angles, uv_to_direction
 from anyprobe.core.sampling import hammersley, square_to_cosine_hemisphere
-from anyprobe.paper.equations import ggx_distribution
-from anyprobe.scatter.materials import Material, brdf
+from anyprobe.paper.equations import ggx_distribution, reflectance
+from anyprobe.scatter.materials import Material
 
 SAMPLES = 1024
 """Of each of the three densities, a pass."""
@@ -107,6 +107,11 @@ def separable_coat(material: Material, wo, wi, n):
         masking_over_cosine(n_dot_wo) * masking_over_cosine(n_dot_wi) / 4.0
     )
     return torch.where(dot(n, wi) > 0, value, torch.zeros_like(value))
+
+
+def brdf(material: Material, wo, wi, n):
+    """f_r [1/sr], paper Eq. 2; no cosine inside. [..., 3] each -> [..., 3]."""
+    return reflectance(material.albedo, material.f0, material.alpha, wo, wi, n)
 
 
 def one_pass(table: LightTable, n, wo, emitter, u, material: Material, brdf: Callable = brdf):

@@ -29,6 +29,7 @@ from support.judged import (
 )
 from support.mitsuba_scenes import mitsuba_scene, paper_bsdf, perfect_metal, pixel_centres, surface_at, trace
 from support.pyramids import lookup
+from support.shading_terms import brdf
 from support.zscore import assert_same_picture, measured
 
 from anyprobe.core.frames import normalize
@@ -36,7 +37,7 @@ from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, p
 from anyprobe.core.sampling import hammersley
 from anyprobe.light.octahedral import build_pyramid
 from anyprobe.render.integrate import shade, shading_pyramid
-from anyprobe.scatter.materials import Material, brdf
+from anyprobe.scatter.materials import Material
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("mi")]
 

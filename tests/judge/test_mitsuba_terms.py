@@ -18,6 +18,7 @@ from support.mitsuba_scenes import (
     render,
     trace,
 )
+from support.shading_terms import brdf
 
 from anyprobe.core.frames import normalize
 from anyprobe.core.latlong import bilinear, direction_to_uv
@@ -26,7 +27,7 @@ from anyprobe.light.octahedral import build_pyramid
 from anyprobe.render.integrate import shade
 from anyprobe.render.shapes import sphere
 from anyprobe.render.surface import pixel_rays, see
-from anyprobe.scatter.materials import Material, brdf
+from anyprobe.scatter.materials import Material
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("mi")]
 

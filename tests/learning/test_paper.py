@@ -12,6 +12,8 @@ from support.scenes import sphere_photo
 
 torch = pytest.importorskip("torch", reason="needs ./train[torch]")
 
+from support.shading_terms import brdf  # noqa: E402
+
 from anyprobe.core.response import response  # noqa: E402
 from anyprobe.core.sampling import hammersley  # noqa: E402
 from anyprobe.errors import InputError, ModelError  # noqa: E402
@@ -21,7 +23,7 @@ from anyprobe.light.environment import rotate  # noqa: E402
 from anyprobe.paper.chain import estimate_light  # noqa: E402
 from anyprobe.paper.equations import filter_exponent  # noqa: E402
 from anyprobe.render.integrate import shade, shading_pyramid  # noqa: E402
-from anyprobe.scatter.materials import Material, brdf  # noqa: E402
+from anyprobe.scatter.materials import Material  # noqa: E402
 from anyprobe_train.dataset.asset_store import own_map  # noqa: E402
 from anyprobe_train.paper import graphs, schedule  # noqa: E402
 from anyprobe_train.paper.figures import FIGURES  # noqa: E402

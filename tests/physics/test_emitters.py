@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from support.pyramids import lookup
+from support.shading_terms import brdf
 
 from anyprobe.core.color import luminance
 from anyprobe.core.frames import normalize
@@ -16,7 +17,7 @@ from anyprobe.light.environment import integral
 from anyprobe.light.octahedral import WIDENING, build_pyramid
 from anyprobe.paper.equations import ggx_distribution
 from anyprobe.render.integrate import NUM_EMITTERS, PATCHES, emitters_specular, shade
-from anyprobe.scatter.materials import Material, brdf
+from anyprobe.scatter.materials import Material
 
 HEIGHT = 64
 

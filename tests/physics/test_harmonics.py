@@ -4,11 +4,12 @@ import tracemalloc
 
 import numpy as np
 import pytest
+from support.shading_terms import irradiance
 
 from anyprobe.core.frames import normalize, rotation_y
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
 from anyprobe.light.filtering import irradiance_map
-from anyprobe.light.harmonics import irradiance, project, sh_basis
+from anyprobe.light.harmonics import project, sh_basis
 
 
 def evaluate(coefficients, d):

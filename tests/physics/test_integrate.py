@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from support.shading_terms import brdf
 from support.warps import square_to_ggx_normal
 
 from anyprobe.core.frames import normalize, reflect, rotation_x, rotation_y, rotation_z, world_from_local
@@ -9,7 +10,7 @@ from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.sampling import hammersley
 from anyprobe.light.octahedral import build_pyramid
 from anyprobe.render.integrate import lobe_lod, shade, shade_diffuse, shade_specular
-from anyprobe.scatter.materials import Material, brdf
+from anyprobe.scatter.materials import Material
 
 ALPHAS = (0.01, 0.05, 0.3, 0.6, 1.0)
 VIEWS_DEG = (0.0, 30.0, 60.0, 80.0, 89.0)

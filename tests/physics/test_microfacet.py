@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from support.shading_terms import brdf
 
 from anyprobe.core.frames import normalize
 from anyprobe.paper.equations import ggx_distribution, schlick_weight, smith_visibility
-from anyprobe.scatter.materials import Material, brdf
+from anyprobe.scatter.materials import Material
 
 ALPHAS = (0.05, 0.3, 1.0)
 N = np.array([0.0, 0.0, 1.0])

@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 import pytest
+from support.shading_terms import irradiance as irradiance_at
 from support.two_phase import probe_directions, two_phase
 
 from anyprobe.core.frames import normalize
@@ -13,7 +14,6 @@ from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.export.exported_light import prepare
 from anyprobe.export.target_frames import polynomial, unity
 from anyprobe.export.targets import export
-from anyprobe.light.harmonics import irradiance as irradiance_at
 from anyprobe.light.harmonics import project
 from anyprobe.light.light_sources import split_dominant_light
 

@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.browser import FOLDER, NODE_MODULES, NoBrowser, find_browser, run_steps, serve
+from support.shading_terms import irradiance
 from support.two_phase import assert_same_way_round, probe_directions, two_phase
 
 from anyprobe.export.exported_light import prepare
 from anyprobe.export.targets import export
-from anyprobe.light.harmonics import irradiance
 
 pytestmark = pytest.mark.slow
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from support.browser import run_steps
+from support.shading_terms import irradiance
 from support.two_phase import assert_same_way_round, probe_directions, two_phase
 
 from anyprobe.export.targets import export
-from anyprobe.light.harmonics import irradiance, project
+from anyprobe.light.harmonics import project
 from anyprobe.light.light_sources import split_sources
 
 pytestmark = pytest.mark.slow

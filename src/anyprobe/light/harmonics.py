@@ -6,7 +6,7 @@ Order and constants are those of WebXR and three.js, in the camera frame (x, y, 
     (l,m)   0,0  1,-1 1,0  1,1  2,-2 2,-1 2,0       2,1  2,2
     Y_i/K   1    y    z    x    xy   yz   3z^2 - 1  xz   x^2 - y^2
 
-Coefficients are of radiance, L_i = integral of L Y_i dw; the cosine lobe is applied by irradiance() alone (Ramamoorthi
+Coefficients are of radiance, L_i = integral of L Y_i dw; times COSINE_LOBE they are those of irradiance (Ramamoorthi
 and Hanrahan 2001). Order 2 may turn negative opposite a strong light: nothing here clamps that.
 """
 
@@ -81,11 +81,6 @@ def project(radiance: Float[np.ndarray, "H 2*H 3"]) -> Float[np.ndarray, "9 3"]:
         sine2[4] - one[5],
     ]
     return (np.stack(parts) * K[:, None]).astype(np.float32)
-
-
-def irradiance(coefficients: Float[np.ndarray, "9 3"], n: Float[np.ndarray, "... 3"]) -> Float[np.ndarray, "... 3"]:
-    """Evaluate E(n) = sum of A_l L_i Y_i(n): [9, 3] and [..., 3] -> [..., 3]; Lambert sends albedo E / pi."""
-    return sh_basis(n) @ (coefficients * COSINE_LOBE.astype(coefficients.dtype)[:, None])
 
 
 def directionality(coefficients: Float[np.ndarray, "9 3"]) -> float:

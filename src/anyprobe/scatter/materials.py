@@ -12,7 +12,6 @@ import numpy as np
 from anyprobe.core.contract import contract
 from anyprobe.core.spelling import did_you_mean
 from anyprobe.errors import InputError
-from anyprobe.paper.equations import reflectance
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -27,11 +26,6 @@ class Material:
     albedo: Any
     f0: Any
     alpha: float
-
-
-def brdf(material: Material, wo, wi, n):
-    """Evaluate f_r(wo, wi) [1/sr], paper Eq. 2; no cosine inside. [..., 3] each -> [..., 3]."""
-    return reflectance(material.albedo, material.f0, material.alpha, wo, wi, n)
 
 
 def total_reflectance(albedo, f0):
