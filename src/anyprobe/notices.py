@@ -157,8 +157,7 @@ class Words:
 
     def compose(self, subject: tuple[str, ...], source: str, text: str, remedy: tuple[Remedy, ...]) -> str:
         """Format "subject source: text; remedy"."""
-        names = " and ".join(map(self.name, subject))
-        head = " ".join(one for one in (names, source) if one)
+        head = " ".join(one for one in (" and ".join(map(self.name, subject)), source) if one)
         return "; ".join([f"{head}: {text}" if head else text, *self._remedies(remedy)])
 
     def _remedies(self, remedy: tuple[Remedy, ...]) -> list[str]:

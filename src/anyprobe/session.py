@@ -57,10 +57,9 @@ def open(shots: Sequence[Shot], poses: Poses | None = None) -> tuple[list[Shot],
     if poses is None:
         return list(shots), None
     names = [Path(shot.name) for shot in shots]
-    fovs = poses.fovs_deg(names, [shot.source for shot in shots])
     completed = [
         replace(shot, hints=replace(shot.hints, fov_deg=fov)) if shot.hints.fov_deg is None else shot
-        for shot, fov in zip(shots, fovs, strict=True)
+        for shot, fov in zip(shots, poses.fovs_deg(names, [shot.source for shot in shots]), strict=True)
     ]
     return completed, poses.of(names)
 

@@ -211,7 +211,7 @@ def test_poses_tell_the_lens_where_the_photo_does_not(tmp_path):
         camera_angle_x=np.radians(50.0),
     )
     tall = 2 * np.degrees(np.arctan(np.tan(np.radians(25.0)) * 1.5))
-    assert known.fovs_deg(photos) == pytest.approx([50.0, tall, None])
+    assert known.fovs_deg(photos, photos) == pytest.approx([50.0, tall, None])
     data = [photo.read_bytes() for photo in photos]
     assert known.fovs_deg([Path(name) for name in names], data) == pytest.approx([50.0, tall, None])
     assert known.clip_fov_deg(60, 40) == pytest.approx(50.0)
@@ -227,8 +227,8 @@ def test_poses_tell_the_lens_where_the_photo_does_not(tmp_path):
         h=150,
         camera_angle_x=1.0,
     )
-    assert own.fovs_deg(photos[:2]) == pytest.approx([90.0, 2 * np.degrees(np.arctan(75 / 110))])
-    assert poses_file(tmp_path / "c.json", [{"file_path": "wide"}]).fovs_deg(photos[:1]) == [None]
+    assert own.fovs_deg(photos[:2], photos[:2]) == pytest.approx([90.0, 2 * np.degrees(np.arctan(75 / 110))])
+    assert poses_file(tmp_path / "c.json", [{"file_path": "wide"}]).fovs_deg(photos[:1], photos[:1]) == [None]
 
 
 # The command

@@ -150,17 +150,14 @@ def silenced() -> Iterator[None]:
     with contextlib.ExitStack() as stack:
         for number in (1, 2):
             with contextlib.suppress(OSError):  # closed, as a service's may be
-                stack.callback(_restore, os.dup(number), number)
+                saved = os.dup(number)
+                stack.callback(os.close, saved)
+                stack.callback(os.dup2, saved, number)
                 null = os.open(os.devnull, os.O_WRONLY)
                 os.dup2(null, number)
                 os.close(null)
         stack.enter_context(contextlib.redirect_stdout(io.StringIO()))
         yield
-
-
-def _restore(saved: int, number: int) -> None:
-    os.dup2(saved, number)
-    os.close(saved)
 
 
 WIDEST = 10_000
@@ -169,6 +166,5 @@ WIDEST = 10_000
 
 def print_table(console: Console, table: Table) -> None:
     """Print a table as wide as its cells; only the terminal itself breaks a line that is too long."""
-    room = console.options.update(max_width=WIDEST)
-    table.width = console.measure(table, options=room).maximum
+    table.width = console.measure(table, options=console.options.update(max_width=WIDEST)).maximum
     console.print(table, soft_wrap=True)

@@ -78,8 +78,7 @@ def _installed(extra: str, packages: list[str]) -> str:
 
 def mask_network() -> str:
     """Return one line on the network that finds objects in photos here."""
-    weights = find_weights()
-    if weights is None:
+    if (weights := find_weights()) is None:
         advice = OPTIONS.action(FETCH_MASKS)
         return f"masks by the small network alone; for U2-Net-p, which is right far more often, {advice}"
     return f"masks by U2-Net-p, {weights.source}: {weights.path} sha256 {SHA256}"
@@ -102,5 +101,4 @@ def self_test(model: str) -> tuple[float, float]:
     start = time.perf_counter()
     light = estimator(photo)
     seconds = time.perf_counter() - start
-    cosine = light.dominant_light().direction @ toward
-    return seconds, float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
+    return seconds, float(np.degrees(np.arccos(np.clip(light.dominant_light().direction @ toward, -1.0, 1.0))))

@@ -105,8 +105,7 @@ def estimate(
         found = (marked_photo(path, shot) for path, shot in zip(steps, shots, strict=True))
         first = next(found)
         light = session.estimate(estimator, chain([first], found), turns)
-        files = session.deliver(light, out, stem, photo=first, colorspace=colorspace, size=size, frame=frame)
-        return light, files
+        return light, session.deliver(light, out, stem, photo=first, colorspace=colorspace, size=size, frame=frame)
 
     def done(paths: list[Path], steps: Iterable[Path]) -> Done:
         """Estimate one light from a photo, or from several with poses, and write its files, named after the first.

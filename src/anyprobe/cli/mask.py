@@ -77,8 +77,7 @@ def _write(
     photo_files.check_names(path, listed, targets.values(), hints.files().values())
     pixels = read_image(photo_files.photo_source(path), photo_files.photo_name(path))
     found = find_mask(pixels, **hints.place(), segmenter=segmenter)
-    overlay = draw_overlay(pixels.rgb, found.mask, found.prompts.on, found.prompts.off)
-    write_png(targets["overlay"], overlay)
+    write_png(targets["overlay"], draw_overlay(pixels.rgb, found.mask, found.prompts.on, found.prompts.off))
     write_png(targets["mask"], found.mask)
     doubts = [*pixels.warnings, *scale_doubts(pixels.radiance, pixels.name), *found.warnings]
     summary = {

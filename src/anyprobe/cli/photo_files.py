@@ -10,6 +10,7 @@ import re
 import sys
 from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from os.path import commonprefix
 from pathlib import Path
@@ -122,8 +123,7 @@ def list_photos(photos: Iterable[Path]) -> list[Path]:
         written |= {p.name for p in found}
         maps = {p for p in found if p.suffix.lower() == ".exr" and _is_map(p)}
         previews = {p.with_suffix(".png") for p in maps if p.with_suffix(".json").is_file()}
-        found = [p for p in found if p.stem not in written and p not in maps | previews]
-        if not found:
+        if not (found := [p for p in found if p.stem not in written and p not in maps | previews]):
             raise InputError("no photos in this folder; check the path", source=path)
         chosen += found
     return list(dict.fromkeys(chosen))
@@ -131,11 +131,9 @@ def list_photos(photos: Iterable[Path]) -> list[Path]:
 
 def _is_map(path: Path) -> bool:
     """Return whether an .exr is twice as wide as high, as environment maps are, without decoding it."""
-    try:
-        with open_regular(path, InputError) as stream, open_image(stream, "openexr") as image:
-            return image.spec().full_width == 2 * image.spec().full_height
-    except ValueError:  # what reads it says why
-        return False
+    with suppress(ValueError), open_regular(path, InputError) as stream, open_image(stream, "openexr") as image:
+        return image.spec().full_width == 2 * image.spec().full_height
+    return False  # what reads it says why
 
 
 def result_stem(photo: Path, listed: list[Path]) -> str:
@@ -150,8 +148,7 @@ def check_distinct(listed: list[Path]) -> None:
     """Refuse photos whose results would have equal names."""
     first: dict[str, Path] = {}
     for photo in listed:
-        stem = result_stem(photo, listed)
-        other = first.setdefault(stem, photo)
+        other = first.setdefault(result_stem(photo, listed), photo)
         if other != photo:
             text = f"expected distinct result names, got {other} before it; rename one of them"
             raise OutputError(text, source=photo)
@@ -224,8 +221,7 @@ def _read_row(row: Mapping[str | None, Any]) -> tuple[str, dict[str, Any]]:
     cells = {str(name): (text or "").strip() for name, text in row.items()}
     given: dict[str, Any] = {"box": HINTS["box"].read(cells["box"])} if cells.get("box") else {}
     for name in ("click", "exclude"):
-        points = cells.get(name, "").replace(";", " ").split()
-        if points:
+        if points := cells.get(name, "").replace(";", " ").split():
             given[name] = [HINTS[name].read(point) for point in points]
     return composed(Path(cells["photo"].replace("\\", "/")).name), given
 

@@ -88,8 +88,7 @@ def video(
         hints = replace(hints, fov_deg=given_poses.clip_fov_deg(*clip_size(header)))
     virtual = None
     if mesh is not None:
-        place = placing(Arrangement)(size=size, at=contact)
-        virtual = VirtualObject(mesh=mesh, material=material, arrangement=place)
+        virtual = VirtualObject(mesh=mesh, material=material, arrangement=placing(Arrangement)(size=size, at=contact))
     handled = {*first_frame, *folders, "surroundings", "material", "albedo", "roughness"}
     every_frame = {key: value for key, value in hints.given() if key not in handled}
     check_writable(out / "track.json")

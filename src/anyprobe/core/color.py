@@ -83,5 +83,4 @@ def from_rec709(rgb: np.ndarray, colorspace: str) -> np.ndarray:
     unchanged."""
     if colorspace == "rec709":
         return rgb
-    matrix = np.linalg.inv(rec709_from_rgb(COLORSPACES[colorspace])).astype(np.float32)
-    return rgb @ matrix.T
+    return rgb @ np.linalg.inv(rec709_from_rgb(COLORSPACES[colorspace])).astype(np.float32).T

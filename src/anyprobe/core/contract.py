@@ -9,5 +9,4 @@ from typing import Any
 @lru_cache
 def contract(section: str) -> dict[str, Any]:
     """Return the section of contract.json of this name; read-only."""
-    text = (resources.files("anyprobe") / "contract.json").read_text(encoding="utf-8")
-    return json.loads(text)[section]
+    return json.loads((resources.files("anyprobe") / "contract.json").read_text(encoding="utf-8"))[section]

@@ -158,15 +158,23 @@ def fuse_lights(lights: Sequence[Light], world_from_camera: Sequence[np.ndarray]
     Raises:
         InputError: no light, more or fewer poses than lights, or a pose that is no rotation.
     """
-    turns, first = turns_to_first(len(lights), world_from_camera), lights[0]
-    gains, given = _gains([light.origin.exposure for light in lights])
+    if not lights or len(lights) != len(world_from_camera):
+        text = f"expected one a light, got {len(world_from_camera)} for {len(lights)} lights"
+        raise InputError(text, subject="poses")
+    for number, pose in enumerate(world_from_camera, start=1):
+        if not is_rotation(np.asarray(pose)):
+            raise InputError(f"expected rotations [3, 3], got another matrix for photo {number}", subject="poses")
+    turns = [np.asarray(world_from_camera[0]).T @ np.asarray(pose) for pose in world_from_camera]
+    first = lights[0]
+    exposures = [light.origin.exposure or 0.0 for light in lights]
+    gains = [exposures[0] / one for one in exposures] if all(exposures) else [1.0] * len(lights)
     turned = [first] + [light.rotate(turn) for light, turn in zip(lights[1:], turns[1:], strict=True)]
     maps = np.stack([light.radiance * np.float32(gain) for light, gain in zip(turned, gains, strict=True)])
     sure = np.stack([np.ones(maps.shape[1:3]) if one.confidence is None else one.confidence for one in turned])
     weights = sure**SURE + _LEAST
     known = all(light.confidence is not None for light in lights)
     notes = [line for light in lights for line in light.warnings]
-    notes += [] if len(lights) == 1 or given else [NOT_GIVEN]
+    notes += [] if len(lights) == 1 or all(exposures) else [NOT_GIVEN]
     seen, said_outdoors = _seen_together(lights, turns), [one.outdoors for one in lights if one.outdoors is not None]
     return replace(
         first,
@@ -182,24 +190,6 @@ def fuse_lights(lights: Sequence[Light], world_from_camera: Sequence[np.ndarray]
         said_sources=first.said_sources if len(lights) == 1 else None,
         origin=_fused_origin(lights, seen),
     )
-
-
-def turns_to_first(count: int, world_from_camera: Sequence[np.ndarray] | np.ndarray) -> list[np.ndarray]:
-    """Return first_from_camera [3, 3] of each photo."""
-    if not count or count != len(world_from_camera):
-        raise InputError(f"expected one a light, got {len(world_from_camera)} for {count} lights", subject="poses")
-    for number, pose in enumerate(world_from_camera, start=1):
-        if not is_rotation(np.asarray(pose)):
-            raise InputError(f"expected rotations [3, 3], got another matrix for photo {number}", subject="poses")
-    return [np.asarray(world_from_camera[0]).T @ np.asarray(pose) for pose in world_from_camera]
-
-
-def _gains(exposures: list[float | None]) -> tuple[list[float], bool]:
-    """Return each photo's gain to the first one's exposure, and whether all exposures are known."""
-    given = [one for one in exposures if one]
-    if len(given) < len(exposures):
-        return [1.0] * len(exposures), False
-    return [given[0] / one for one in given], True
 
 
 def _seen_together(lights: Sequence[Light], turns: Sequence[np.ndarray]) -> np.ndarray | None:

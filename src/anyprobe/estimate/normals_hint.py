@@ -157,12 +157,10 @@ def read_normals(source: NormalsSource, shape: tuple[int, int]) -> Float[np.ndar
 
 def _read(source: NormalsSource) -> tuple[np.ndarray, str, bool]:
     """Vectors as they are stored, what messages call them, and whether a picture held them."""
-    if isinstance(source, np.ndarray):
-        return _decoded(source, "normals")
-    if isinstance(source, bytes):
-        if source.startswith(EXR_MAGIC):
-            text = "expected a PNG picture of (n + 1) / 2, got an .exr; send it as 16-bit PNG"
-            raise InputError(text, subject="normals")
+    if isinstance(source, bytes) and source.startswith(EXR_MAGIC):
+        text = "expected a PNG picture of (n + 1) / 2, got an .exr; send it as 16-bit PNG"
+        raise InputError(text, subject="normals")
+    if isinstance(source, bytes | np.ndarray):
         return _decoded(source, "normals")
     path = Path(source)
     with open_regular(path, InputError, "a normal map") as stream:
@@ -185,8 +183,7 @@ def _decoded(source: Path | bytes | np.ndarray, name: str) -> tuple[np.ndarray, 
     if isinstance(source, np.ndarray) and source.dtype.kind == "f":
         return source, name, False
     pixels = read_image(source, as_data=True)
-    rgb = pixels.rgb
-    known = (rgb.max(axis=-1) > PLAIN) & (rgb.min(axis=-1) < 1.0 - PLAIN)
+    known = (pixels.rgb.max(axis=-1) > PLAIN) & (pixels.rgb.min(axis=-1) < 1.0 - PLAIN)
     if pixels.alpha is not None:
         known &= pixels.alpha > 0.5
-    return np.where(known[..., None], rgb * 2.0 - 1.0, 0.0), name, True
+    return np.where(known[..., None], pixels.rgb * 2.0 - 1.0, 0.0), name, True

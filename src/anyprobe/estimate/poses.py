@@ -61,15 +61,14 @@ class Poses:
         """[len(photos), 3, 3], by name; InputError where one is missing."""
         return self.world_from_camera[self._places(photos)]
 
-    def fovs_deg(self, photos: list[Path], data: Sequence[Any] | None = None) -> list[float | None]:
+    def fovs_deg(self, photos: list[Path], data: Sequence[Any]) -> list[float | None]:
         """Fields of view of the photos' longer sides, found as their poses are: None where the photo's own EXIF has
         it, or nothing does.
 
-        data: the files themselves or their paths, where photos are names alone.
+        data: the files themselves or their paths; of the photos, names count.
         """
         found = []
-        sources: Sequence[Any] = photos if data is None else data
-        for place, source in zip(self._places(photos), sources, strict=True):
+        for place, source in zip(self._places(photos), data, strict=True):
             size, by_exif = photo_header(source)
             found.append(self.lenses[place].long_fov_deg(*size) if by_exif is None else None)
         return found
@@ -79,8 +78,7 @@ class Poses:
 
         width, height: of the clip's upright frames, pixels: a lens may be given across alone.
         """
-        fovs = [lens.long_fov_deg(width, height) for lens in self.lenses]
-        found = [one for one in fovs if one is not None]
+        found = [fov for lens in self.lenses if (fov := lens.long_fov_deg(width, height)) is not None]
         return float(np.median(found)) if found else None
 
     def _places(self, photos: list[Path]) -> list[int]:
@@ -93,8 +91,7 @@ class Poses:
         places = {name: place for place, name in enumerate(self.names)}
         found = []
         for photo, plain in zip(photos, bare, strict=True):
-            one = places.get(plain.name, places.get(plain.stem))  # some write no suffix
-            if one is None:
+            if (one := places.get(plain.name, places.get(plain.stem))) is None:
                 raise InputError(f"expected a pose of {photo.name}, got none of that name", source=self.file)
             found.append(one)
         return found

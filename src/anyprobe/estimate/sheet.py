@@ -147,5 +147,4 @@ def _fit(picture: np.ndarray, height: int) -> np.ndarray:
     """Scale a display picture to a height, its shape kept."""
     width = max(1, round(picture.shape[1] * height / picture.shape[0]))
     size = min(width, 4 * height), height
-    resized = Image.fromarray(to_bytes(picture)).resize(size, Image.Resampling.BICUBIC)
-    return np.asarray(resized, dtype=np.float32) / 255
+    return np.asarray(Image.fromarray(to_bytes(picture)).resize(size, Image.Resampling.BICUBIC), dtype=np.float32) / 255

@@ -55,10 +55,8 @@ def cube_faces(radiance: Float[np.ndarray, "H 2*H 3"], size: int) -> Float[np.nd
     for face in range(6):
         for top in range(0, size, rows):
             strip = slice(top * SUPERSAMPLE, (top + rows) * SUPERSAMPLE)
-            directions = _directions(face, strip, size * SUPERSAMPLE) * C_FROM_OURS
-            values = bilinear(radiance, direction_to_uv(directions))
-            squares = values.reshape(-1, SUPERSAMPLE, size, SUPERSAMPLE, 3)
-            faces[face, top : top + rows] = squares.mean(axis=(1, 3))
+            values = bilinear(radiance, direction_to_uv(_directions(face, strip, size * SUPERSAMPLE) * C_FROM_OURS))
+            faces[face, top : top + rows] = values.reshape(-1, SUPERSAMPLE, size, SUPERSAMPLE, 3).mean(axis=(1, 3))
     return faces
 
 

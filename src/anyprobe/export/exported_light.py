@@ -211,8 +211,7 @@ def write_maps(light: ExportedLight, folder: Path, frame: TargetFrame, suffix: s
             write_hdr(path, rolled, attributes=attributes)
         else:
             darkest = rolled.min(where=rolled > 0, initial=np.inf)  # ignoring black
-            half = bool(rolled.max() <= HALF_MAX and darkest >= HALF_MIN)
-            write_exr(path, rolled, half=half, attributes=attributes)
+            write_exr(path, rolled, half=bool(rolled.max() <= HALF_MAX and darkest >= HALF_MIN), attributes=attributes)
 
 
 def share_beyond(radiance: Float[np.ndarray, "H 2*H 3"], limit: float, least: float = 0.0) -> float:

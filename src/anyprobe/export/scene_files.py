@@ -51,8 +51,7 @@ NUM_SAMPLES = 256
 def pack_rgbd(values: Float[np.ndarray, "... 3"]) -> UInt8[np.ndarray, "... 4"]:
     """Convert linear [..., 3] to RGBD [..., 4] uint8: value = (rgb / 255)^2.2 / (a / 255), clamped at 255."""
     values = np.minimum(values, RGBD_MAX)
-    largest = np.maximum(values.max(axis=-1), 1e-6)
-    alpha = np.floor(np.clip(RGBD_MAX / largest, 1.0, 255.0))
+    alpha = np.floor(np.clip(RGBD_MAX / np.maximum(values.max(axis=-1), 1e-6), 1.0, 255.0))
     rgb = np.clip(values * alpha[..., None] / 255.0, 0.0, 1.0) ** (1 / GAMMA)
     return np.concatenate([np.round(rgb * 255.0), alpha[..., None]], axis=-1).astype(np.uint8)
 
@@ -228,10 +227,7 @@ def write_mitsuba(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
     channels = {name: pixels[..., i] for i, name in enumerate("RGB")}
     path = folder / f"{light.name}.exr"
     write_channels(path, channels, attributes, latlong=False)  # its rows lie elsewhere
-    scene = (
-        read_template("mitsuba.xml")
-        .replace("{name}", light.name.replace("--", "__"))
-        .replace("{map}", quoteattr(path.name))
-    )
+    named = read_template("mitsuba.xml").replace("{name}", light.name.replace("--", "__"))
+    scene = named.replace("{map}", quoteattr(path.name))
     (folder / f"{light.name}_scene.xml").write_text(scene, encoding="utf-8")
     return {"rows": "pole to pole: v = row / (rows - 1)", "to_world": "none: the roll is in the file"}

@@ -63,7 +63,6 @@ def write_unreal(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
     x, y, z = -UNREAL.from_ours(light.main.direction)  # of a lamp that shines along its +X
     pitch, yaw = float(np.degrees(np.arcsin(np.clip(z, -1, 1)))), float(np.degrees(np.arctan2(y, x)))
     intensity = float(light.main.irradiance.max())
-    doubt = "" if light.error_deg is None else UNREAL_ERROR.format(light.error_deg)
     notes = read_template("unreal.txt").format(
         name=light.name,
         pitch=pitch,
@@ -71,7 +70,7 @@ def write_unreal(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
         intensity=intensity,
         color=light.main.color,
         angle=2 * light.main.radius_deg,
-        error=doubt,
+        error="" if light.error_deg is None else UNREAL_ERROR.format(light.error_deg),
     )
     (folder / f"{light.name}.txt").write_text(notes, encoding="utf-8")
     angles = {"light_pitch_deg": round(pitch, 4), "light_yaw_deg": round(yaw, 4)}
@@ -125,8 +124,7 @@ def write_three(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
 
 def write_jpeg(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
     """Write <name>.jpg: Ultra HDR, for three.js's UltraHDRLoader; rolled as three's maps are."""
-    rolled = THREE.roll(light.radiance)
-    brightest = write_ultra_hdr(folder / f"{light.name}.jpg", rolled)
+    brightest = write_ultra_hdr(folder / f"{light.name}.jpg", THREE.roll(light.radiance))
     return {
         "ultra_hdr": {
             "most_radiance": round(brightest, 4),
@@ -196,14 +194,6 @@ MAX_CLIPPED = 0.01
 """Share of a light's energy beyond the range of a target's files from which on a warning says so."""
 
 
-def range_doubts(target: str, clipped: float) -> tuple[Notice, ...]:
-    """Return a warning if the files of a target lack more than MAX_CLIPPED of a light's energy."""
-    if clipped <= MAX_CLIPPED:
-        return ()
-    text = f"{clipped:.0%} of the light exceeds the range of its files; lower the exposure"
-    return (Notice(text, code="range-clipped", source=target),)
-
-
 def export(
     radiance: np.ndarray,
     target: str,
@@ -219,7 +209,7 @@ def export(
     """Export a light for one target into folder: every name begins with <stem>_<target>.
 
     <stem>_<target>.json is the sidecar; the other files are the target's own. Light beyond the range of its files, as
-    the sun's in halfs, is a RuntimeWarning; see range_doubts.
+    the sun's in halfs, is a RuntimeWarning; see MAX_CLIPPED.
 
     Args:
         radiance: [H, 2H, 3] linear, in the camera's frame.
@@ -257,7 +247,9 @@ def write_export(
         more = chosen.write(light, scratch)
         names = sorted([*(path.name for path in scratch.iterdir()), f"{light.name}.json"])
         described = sidecar(light, target, chosen.frame, {"checked": chosen.checked, "files": names, **more})
-        doubts = range_doubts(target, described["clipped_energy"])
+        text = f"{described['clipped_energy']:.0%} of the light exceeds the range of its files; lower the exposure"
+        is_clipped = described["clipped_energy"] > MAX_CLIPPED
+        doubts = (Notice(text, code="range-clipped", source=target),) if is_clipped else ()
         described["warnings"] = [doubt.as_json() for doubt in doubts]
         write_json(scratch / f"{light.name}.json", described)
     return [Path(folder) / name for name in names], doubts

@@ -8,6 +8,7 @@ the variable, decides for itself.
 import math
 import os
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from anyprobe.errors import InputError, ModelError
@@ -25,11 +26,10 @@ Python's."""
 def usable_cores() -> int:
     """Return the number of cores, at least 1: those that the process may run on, or its container's share of them."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    try:
+    with suppress(OSError, ValueError, ZeroDivisionError):  # no container, or one without a limit
         quota, period = QUOTA.read_text(encoding="ascii").split()
         return max(1, min(cores, math.ceil(int(quota) / int(period))))
-    except (OSError, ValueError, ZeroDivisionError):  # no container, or one without a limit
-        return cores
+    return cores
 
 
 TELEMETRY_OFF = "ORT_DISABLE_TELEMETRY"

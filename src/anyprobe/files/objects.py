@@ -51,8 +51,7 @@ def read_mesh(path: str | Path) -> Mesh:
         raise InvalidMesh(text, source=path.name)
     data = read_regular(path, path.name, InvalidMesh, "a mesh file")
     declared = _check_header(data, suffix, path.name)
-    parts = _read_parts(data, suffix, path.name)
-    if not parts:
+    if not (parts := _read_parts(data, suffix, path.name)):
         raise InvalidMesh("expected triangles, got none; check the file", source=path.name)
     positions, faces = put_together(parts)
     if declared is not None and len(faces) < declared:
@@ -158,8 +157,7 @@ def _placed(matrix: np.ndarray, positions: np.ndarray, faces: np.ndarray) -> tup
 
 def _check_glb(data: bytes) -> None:
     """Raise ValueError for a scene that takes long to assemble, or declares more numbers than its bytes can hold."""
-    length = int.from_bytes(data[12:16], "little")
-    scene = json.loads(data[20 : 20 + length])
+    scene = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
     packed = sorted({"KHR_draco_mesh_compression", "EXT_meshopt_compression"} & {*scene.get("extensionsRequired", ())})
     if packed:
         raise ValueError(f"geometry compressed by {packed[0]}, which is not supported")

@@ -5,7 +5,7 @@ import re
 import stat
 import unicodedata
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
@@ -20,26 +20,23 @@ CHUNK_BYTES = 2**20
 
 def home_folder() -> Path | None:
     """Return the user's home folder; None where the system has none, as for a container's user without an entry."""
-    try:
+    with suppress(RuntimeError, OSError, KeyError):
         return Path.home()
-    except (RuntimeError, OSError, KeyError):
-        return None
+    return None
 
 
 def is_there(path: Path) -> bool:
     """Return whether a file exists and is accessible; False too where a parent is a file, a loop or closed."""
-    try:
+    with suppress(OSError, RuntimeError, ValueError):
         return path.is_file()
-    except (OSError, RuntimeError, ValueError):
-        return False
+    return False
 
 
 def is_same_file(one: Path, other: Path) -> bool:
     """Return whether two names are of one file, on any disk: by links, or by a case that does not count there."""
-    try:
+    with suppress(OSError):  # one of them does not exist
         return os.path.samefile(one, other)
-    except OSError:  # one of them does not exist
-        return os.path.realpath(one) == os.path.realpath(other)
+    return os.path.realpath(one) == os.path.realpath(other)
 
 
 def natural_order(name: str) -> list[tuple[bool, int, str]]:

@@ -69,8 +69,7 @@ class Hint:
             return [self.read(one) for one in text]
         if not self.numbers or not isinstance(text, str):
             return text
-        found = numbers_in(text, *self.numbers)
-        if not found:
+        if not (found := numbers_in(text, *self.numbers)):
             example = f"; for instance {self.example}" if self.example else ""
             raise InputError(f"expected {self._form()}, got {text[:60]!r}{example}", subject=self.keyword)
         return found[0] if self.numbers == (1,) else found

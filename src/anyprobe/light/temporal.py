@@ -240,8 +240,7 @@ def _pairs(tracks: Sequence[Track], sources: Sequence[LightSource]) -> dict[int,
         for j, source in enumerate(sources):
             angle = _angle(track.direction, source.direction) / (GATE + np.radians(source.radius_deg) / 2.0)
             if angle <= 1.0:
-                ratio = float(np.abs(track.size[:3] - _size(source)[:3]).mean())
-                costs.append((angle + ratio, i, j))
+                costs.append((angle + float(np.abs(track.size[:3] - _size(source)[:3]).mean()), i, j))
     pairs: dict[int, int] = {}
     for _, i, j in sorted(costs):
         if i not in pairs and j not in pairs.values():
@@ -317,5 +316,4 @@ def _apart(one: np.ndarray, other: np.ndarray) -> float:
     first, second = (np.minimum(y, WHITE) + np.log1p(_above_white(y)) for y in (one, other))
     difference = first - second
     weights = pixel_solid_angles(difference.shape[0])[:, 0].astype(np.float64)
-    rows = np.square(difference, dtype=np.float64).mean(axis=(1, 2))
-    return float(np.sqrt(rows @ weights / weights.sum()))
+    return float(np.sqrt(np.square(difference, dtype=np.float64).mean(axis=(1, 2)) @ weights / weights.sum()))

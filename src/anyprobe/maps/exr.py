@@ -5,7 +5,7 @@ Limits cover what is decoded: all channels of the part that is read.
 
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -82,12 +82,10 @@ def exr_pixels(spec: ImageSpec) -> int:
 
 def exr_attributes(source: BinaryIO | bytes, prefix: str) -> dict[str, str]:
     """Return the text attributes with this prefix, by the rest of their names; empty without a valid header."""
-    try:
-        with open_image(source, "openexr") as image:
-            found = {one.name: one.value for one in image.spec().extra_attribs if one.name.startswith(prefix)}
-    except ValueError:
-        return {}
-    return {name.removeprefix(prefix): value for name, value in found.items() if isinstance(value, str)}
+    with suppress(ValueError), open_image(source, "openexr") as image:
+        named = ((one.name, one.value) for one in image.spec().extra_attribs if one.name.startswith(prefix))
+        return {name.removeprefix(prefix): value for name, value in named if isinstance(value, str)}
+    return {}
 
 
 def read_exr(
@@ -113,12 +111,10 @@ def read_exr(
             if not image.seek_subimage(part, 0):
                 break
             spec = image.spec()
-            channels = _color_channels(spec.channelnames)
-            if channels and not spec.deep:
+            if (channels := _color_channels(spec.channelnames)) and not spec.deep:
                 _check(spec, name, fault, max_pixels)
                 pixels = read_pixels(image, list(channels.values())).astype(np.float32)
-                pixels = _as_rgb("".join(channels), pixels, spec, name, fault, rec709)
-                return in_display(pixels, spec)
+                return in_display(_as_rgb("".join(channels), pixels, spec, name, fault, rec709), spec)
     raise fault(f"expected channels R, G, B or Y, got {listed}; save a flat RGB picture", source=name)
 
 
@@ -133,10 +129,8 @@ def _color_channels(names: Sequence[str]) -> dict[str, int]:
     plain = _colors_of(layers.pop("", {}), ("RGB", "XYZ", ("Y", "RY", "BY"), "Y"))
     if plain:
         return plain
-    pictures = {
-        layer: one for layer, one in layers.items() if "crypto" not in layer.lower()
-    }  # Cryptomatte's are numbers
-    found = {layer: colors for layer, one in pictures.items() if (colors := _colors_of(one, ("RGB",)))}
+    pictures = [layer for layer in layers if "crypto" not in layer.lower()]  # Cryptomatte's are numbers
+    found = {layer: colors for layer in pictures if (colors := _colors_of(layers[layer], ("RGB",)))}
     whole = [layer for layer in found if layer.rpartition(".")[2].lower() in WHOLE_LAYERS] or list(found)
     return found[whole[0]] if len(whole) == 1 else {}
 

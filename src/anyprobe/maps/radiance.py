@@ -226,8 +226,7 @@ def read_linear(source: object, max_pixels: int) -> np.ndarray | None:
     Raises:
         InputError: damaged, too large, NaN.
     """
-    data = bytes_of(source, EXR_MAGIC, HDR_MAGIC)
-    if not data:
+    if not (data := bytes_of(source, EXR_MAGIC, HDR_MAGIC)):
         return None
     name = Path(source).name if isinstance(source, str | os.PathLike) else "bytes"
     if data.startswith(EXR_MAGIC):
@@ -330,12 +329,10 @@ def write_exr(
 
 def map_attributes(path: str | os.PathLike[str]) -> dict[str, str]:
     """Return the attributes that were given to write_exr or write_hdr; empty without a valid header."""
-    try:
-        with open_regular(path, InputError) as stream:
-            start = stream.read(HDR_HEADER_BYTES)
-            return read_comments(start, ATTRIBUTE) if start.startswith(HDR_MAGIC) else exr_attributes(stream, ATTRIBUTE)
-    except InputError:
-        return {}
+    with suppress(InputError), open_regular(path, InputError) as stream:
+        start = stream.read(HDR_HEADER_BYTES)
+        return read_comments(start, ATTRIBUTE) if start.startswith(HDR_MAGIC) else exr_attributes(stream, ATTRIBUTE)
+    return {}
 
 
 def decode_hdr(data: bytes, name: str, max_pixels: int) -> np.ndarray:

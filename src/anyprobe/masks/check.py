@@ -106,8 +106,7 @@ def look_at_given(mask: np.ndarray) -> tuple[np.ndarray, list[str]]:
         )
         lines.append(Notice(text, code="mask-parts"))
     if is_outline:
-        text = "the mask is only an outline; fill it: the whole object is white"
-        lines.append(Notice(text, code="mask-outline"))
+        lines.append(Notice("the mask is only an outline; fill it: the whole object is white", code="mask-outline"))
     x0, y0, x1, y1 = object_box(mask)
     if max(x1 - x0, y1 - y0) < FEW_PX:
         text = (

@@ -126,13 +126,12 @@ def _read_picture(stream: BinaryIO, name: str) -> np.ndarray:
                 f"got {image.width} x {image.height}; shrink it",
                 source=name,
             )
-        values = np.asarray(image.convert("RGB") if image.mode == "P" else image)
-        if image.mode == "P":
-            if np.ptp(values, axis=-1).any():
-                text = "expected depth, got a coloured picture of it; save the depth itself"
-                raise InvalidMask(text, source=name)
-            return values[..., 0]
-        return values
+        if image.mode != "P":
+            return np.asarray(image)
+        values = np.asarray(image.convert("RGB"))
+        if np.ptp(values, axis=-1).any():
+            raise InvalidMask("expected depth, got a coloured picture of it; save the depth itself", source=name)
+        return values[..., 0]
 
 
 def _read_exr(stream: BinaryIO, name: str) -> np.ndarray:
@@ -140,11 +139,9 @@ def _read_exr(stream: BinaryIO, name: str) -> np.ndarray:
         found = image.spec().channelnames
         names = sorted((key for key in found if not _is_of_color(key, image)), key=lambda key: "depth" in key.lower())
         channels = {key.split(".")[-1]: key for key in names}  # the layer whose name has depth in it wins
-        chosen = next((channels[one] for one in EXR_CHANNELS if one in channels), None)
-        if chosen is not None:
+        if (chosen := next((channels[one] for one in EXR_CHANNELS if one in channels), None)) is not None:
             return in_display(read_channel(image, chosen), image.spec())
-    text = f"expected a channel Z, V, Y or R, got {', '.join(sorted(found)) or 'none'}"
-    raise InvalidMask(text, source=name)
+    raise InvalidMask(f"expected a channel Z, V, Y or R, got {', '.join(sorted(found)) or 'none'}", source=name)
 
 
 def _is_of_color(key: str, image: ImageInput) -> bool:

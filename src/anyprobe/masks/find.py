@@ -84,14 +84,12 @@ def find_mask(
     )
     source = source_of(prompts)
     if source == "network":
-        alpha = mask_from_alpha(pixels.alpha, pixels.name)
-        if alpha is not None:
+        if (alpha := mask_from_alpha(pixels.alpha, pixels.name)) is not None:
             cut_out, doubts = _given(alpha, "alpha", pixels.name), alpha_doubts(alpha)
             return replace(cut_out, warnings=(*cut_out.warnings, *(as_notice(doubt, pixels.name) for doubt in doubts)))
     loaded = load_network(segmenter) if isinstance(segmenter, str) else segmenter
     network = shared_network() if loaded is None else loaded
-    found = find_object(Looks(network, pixels.rgb), prompts)
-    if found is None:
+    if (found := find_object(Looks(network, pixels.rgb), prompts)) is None:
         raise _not_found(pixels, prompts)
     return _judged(pixels, prompts, found, network, source)
 

@@ -74,8 +74,7 @@ class U2NetP:
     takes_prompts = False
 
     def __init__(self, path: str = "") -> None:
-        found = find_weights(path or None)
-        if found is None:
+        if (found := find_weights(path or None)) is None:
             raise ModelError("expected the weights of U2-Net-p, found none", source="u2netp", remedy=GET_WEIGHTS)
         self._session = open_graph(found.path)
         self._input, self._output = self._session.get_inputs()[0].name, self._session.get_outputs()[0].name

@@ -68,8 +68,7 @@ def label_parts(inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
                 parent[root(other)] = root(run)
                 above = other
             other += 1
-    roots = np.array([root(run) for run in range(len(rows))], np.int64)
-    _, number = np.unique(roots, return_inverse=True)
+    _, number = np.unique(np.array([root(run) for run in range(len(rows))], np.int64), return_inverse=True)
     flat = np.zeros(inside.size, np.int64)
     lengths = stops - starts
     offset = np.arange(lengths.sum()) - np.repeat(np.cumsum(lengths) - lengths, lengths)

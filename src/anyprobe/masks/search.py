@@ -265,8 +265,7 @@ def look_closer(looks: Looks, found: Finding, prompts: Prompts, known: Sequence[
     near = [look for look in known if found.window.holds(look[0]) and look[0].shows(box)]
     for window, mirrored in [*near, (found.window.around(box, MARGIN), True)]:
         again = looks.at(window, closer, mirrored)
-        second = choose(window, again, prompts)
-        if second is not None:
+        if (second := choose(window, again, prompts)) is not None:
             break
     cells = _cells_of(window, found.window)
     both = (values.astype(np.float32) for values in (found.cover, found.part))
@@ -308,8 +307,7 @@ def _cut(rgb: np.ndarray, window: Window, cover: np.ndarray, prompts: Prompts) -
     Distances grow with changes of the photo's colour. Without a click on the object, the cell farthest from those
     beside it counts as one.
     """
-    uncut = choose(window, cover, replace(prompts, off=()))
-    if uncut is None:
+    if (uncut := choose(window, cover, replace(prompts, off=()))) is None:
         return None
     grid = GRID // 2
     colors = _colors(rgb, window, grid)

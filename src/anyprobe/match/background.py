@@ -26,8 +26,7 @@ def map_from_camera_at(yaw: float, pitch_deg: float) -> np.ndarray:
 def nearest_pixels(d: np.ndarray, rows: int) -> tuple[np.ndarray, np.ndarray]:
     """Return row and column, in a map of this many rows, of each direction [P, 3]."""
     uv = direction_to_uv(d)
-    row = np.clip((uv[..., 1] * rows).astype(int), 0, rows - 1)
-    return row, (uv[..., 0] * 2 * rows).astype(int) % (2 * rows)
+    return np.clip((uv[..., 1] * rows).astype(int), 0, rows - 1), (uv[..., 0] * 2 * rows).astype(int) % (2 * rows)
 
 
 def seen_at_yaws(maps: np.ndarray, at: tuple[np.ndarray, np.ndarray]) -> np.ndarray:

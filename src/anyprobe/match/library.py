@@ -138,9 +138,10 @@ def _cache_file(folder: Path) -> Path | None:
 
 def _kept(path: Path) -> dict[str, tuple[np.ndarray, float]]:
     """Return lights and levels by stamp; none of a file that is absent or damaged."""
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            stamps, lights, levels = (file[name] for name in ("stamps", "lights", "levels"))
-        return {str(stamp): (light, level) for stamp, light, level in zip(stamps, lights, levels, strict=True)}
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
-        return {}
+    with (
+        suppress(OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile),
+        np.load(path, allow_pickle=False) as file,
+    ):
+        kept = zip(file["stamps"], file["lights"], file["levels"], strict=True)
+        return {str(stamp): (light, level) for stamp, light, level in kept}
+    return {}

@@ -119,8 +119,7 @@ def shown_by(
     rows, columns = rows[chosen], columns[chosen]
     display = small[rows, columns, :3] / small[rows, columns, 3:]
     n, wo = (directions[rows, columns] @ camera_from_crop.T for directions in (n, wo))
-    clipped = display.max(axis=-1) >= CLIPPED
-    return Shown(radiance=inverse_response(display), clipped=clipped, n=n, wo=wo, behind=behind)
+    return Shown(radiance=inverse_response(display), clipped=display.max(axis=-1) >= CLIPPED, n=n, wo=wo, behind=behind)
 
 
 def shown_under(radiance: np.ndarray) -> Shown:
@@ -197,8 +196,7 @@ def _places(
     if shown.behind is not None:
         misfit += np.stack([shown.behind.at_yaws(lights, pitch) for pitch in pitches])[:, None]
     misfit += price(pitches)[:, None, None, None]
-    flat = misfit.transpose(2, 0, 3, 1).reshape(len(lights), -1)
-    best = np.argpartition(flat, KEPT, axis=1)[:, :KEPT]
+    best = np.argpartition(misfit.transpose(2, 0, 3, 1).reshape(len(lights), -1), KEPT, axis=1)[:, :KEPT]
     at_pitch, at_yaw, coat = np.unravel_index(best.ravel(), (len(pitches), YAWS, 2 * len(SHARPNESS)))
     pitch, yaw = pitches[at_pitch], at_yaw * (2 * np.pi / YAWS)
     index = np.repeat(np.arange(len(lights)), KEPT)

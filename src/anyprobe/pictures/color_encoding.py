@@ -6,6 +6,7 @@ without the opto-optical transfer function of a display.
 """
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -132,19 +133,16 @@ def by_numbers(chromaticities: tuple[float, ...] | None, exponent: float | None)
     Returns:
         None where the primaries are impossible.
     """
-    try:
+    with suppress(ValueError):
         matrix = rec709_from_rgb(REC709_CHROMATICITIES if chromaticities is None else chromaticities)
-    except ValueError:
-        return None
-    return ColorEncoding(matrix=matrix, decode=srgb_to_linear if exponent is None else gamma(exponent))
+        return ColorEncoding(matrix=matrix, decode=srgb_to_linear if exponent is None else gamma(exponent))
+    return None
 
 
 def is_srgb(encoding: ColorEncoding) -> bool:
     """Return whether its code values are sRGB display values already, up to the rounding of profiles."""
     ramp = np.linspace(0.0, 1.0, 33)[:, None]
-    values = np.concatenate(
-        [ramp * color for color in np.array([[1, 1, 1], [1, 0.5, 0.5], [0.5, 1, 0.5], [0.5, 0.5, 1]])]
-    )
+    values = (np.array([[1, 1, 1], [1, 0.5, 0.5], [0.5, 1, 0.5], [0.5, 0.5, 1]])[:, None] * ramp).reshape(-1, 3)
     linear = encoding.linear(values)
     return not encoding.is_hdr and bool((np.abs(linear_to_srgb(np.clip(linear, 0, 1)) - values) < SAME).all())
 
@@ -180,8 +178,7 @@ def _decoder(kind: np.dtype, encoding: ColorEncoding) -> Callable[[np.ndarray], 
     """Return a function from code values [H, W] or [H, W, 3] to linear light [H, W, 3] float32; integers by table."""
     if kind.kind == "f":
         return lambda values: encoding.decode(_three(values).astype(np.float32)).astype(np.float32)
-    top = np.iinfo(kind).max
-    ramp = np.linspace(0.0, 1.0, top + 1, dtype=np.float32)[:, None].repeat(3, axis=1)
+    ramp = np.linspace(0.0, 1.0, np.iinfo(kind).max + 1, dtype=np.float32)[:, None].repeat(3, axis=1)
     table = encoding.decode(ramp).astype(np.float32)
     return lambda values: np.stack([table[:, k][_three(values)[..., k]] for k in range(3)], axis=-1)
 

@@ -18,11 +18,9 @@ from anyprobe.pictures.headers import JXL_STARTS, UnknownPicture, exif_fov_deg, 
 def declared_pixels(data: bytes) -> int:
     """Return the number of pixels that a file's bytes would be decoded to; 0 if they are no picture or map."""
     if data.startswith(EXR_MAGIC):
-        try:
-            with open_image(data, "openexr") as image:
-                return exr_pixels(image.spec())
-        except ValueError:
-            return 0
+        with suppress(ValueError), open_image(data, "openexr") as image:
+            return exr_pixels(image.spec())
+        return 0
     if data.startswith(HDR_MAGIC):
         return hdr_pixels(data)
     (width, height), _ = photo_header(data)
@@ -35,13 +33,10 @@ def photo_header(source: str | os.PathLike[str] | bytes) -> tuple[tuple[int, int
     0, 0 and None where the header cannot be read; read_image then says why.
     """
     name = "" if isinstance(source, bytes) else Path(source).name
-    try:
-        if isinstance(source, bytes):
-            return _header(io.BytesIO(source), name)
-        with open_regular(source, InputError) as stream:
+    with suppress(UnknownPicture, AnyprobeError):
+        with io.BytesIO(source) if isinstance(source, bytes) else open_regular(source, InputError) as stream:
             return _header(stream, name)
-    except (UnknownPicture, AnyprobeError):
-        return (0, 0), None
+    return (0, 0), None
 
 
 def _header(stream: BinaryIO, name: str) -> tuple[tuple[int, int], float | None]:

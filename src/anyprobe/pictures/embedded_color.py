@@ -54,13 +54,11 @@ def encoding_of(profile: bytes) -> ColorEncoding | None:
         tags = _tags(profile)
         if "cicp" in tags and len(tags["cicp"]) >= 12:
             primaries, transfer, _, full = tags["cicp"][8:12]
-            found = by_code_points(primaries, transfer, bool(full))
-            if found is not None and found.is_hdr:
+            if (found := by_code_points(primaries, transfer, bool(full))) is not None and found.is_hdr:
                 return found
         space, connection = profile[16:20], profile[20:24]
         if space == b"GRAY" and connection == b"XYZ ":
-            curve = _curve(tags["kTRC"])
-            return ColorEncoding(matrix=np.eye(3), decode=curve)
+            return ColorEncoding(matrix=np.eye(3), decode=_curve(tags["kTRC"]))
         if space != b"RGB " or connection != b"XYZ " or any(name.startswith("A2B") for name in tags):
             return None
         columns = np.stack([struct.unpack_from(">3i", tags[f"{name}XYZ"], 8) for name in "rgb"], axis=1) / 65536.0
@@ -219,10 +217,9 @@ def _by_table(picture: Image.Image | np.ndarray, profile: bytes) -> tuple[np.nda
     if not isinstance(picture, Image.Image):
         scaled = picture * 255.0 if picture.dtype.kind == "f" else picture / 257.0
         picture = Image.fromarray(np.clip(np.round(scaled), 0, 255).astype(np.uint8))
-    try:
+    with suppress(ValueError):
         return np.asarray(converted(picture, profile)), None, ()
-    except ValueError:
-        return _plain(picture), None, (UNFIT,)
+    return _plain(picture), None, (UNFIT,)
 
 
 def _code_points(image: Image.Image, stream: BinaryIO | None) -> tuple[int, int, bool, int] | None:
@@ -253,7 +250,7 @@ def _nclx(stream: BinaryIO) -> tuple[int, int, bool, int] | None:
     data = stream.read(HEAD_BYTES)
     stream.seek(place)
     span = (0, len(data))
-    try:
+    with suppress(StopIteration, ValueError):  # it has none, or is damaged
         for wanted, skipped in ((b"meta", 4), (b"iprp", 0), (b"ipco", 0)):
             start, end = next(found for kind, found in iso_boxes(data, span) if kind == wanted)
             span = (start + skipped, end)
@@ -261,8 +258,6 @@ def _nclx(stream: BinaryIO) -> tuple[int, int, bool, int] | None:
             if kind == b"colr" and data[at : at + 4] == b"nclx" and end - at >= 10:
                 primaries, transfer = struct.unpack_from(">HH", data, at + 4)
                 return primaries, transfer, True, 8
-    except (StopIteration, ValueError):  # it has none, or is damaged
-        pass
     return None
 
 

@@ -33,18 +33,14 @@ def find_tone_map(data: bytes) -> tuple[bytes, bytes] | None:
     start, end = dict(iso_boxes(data, (0, len(data))))[b"meta"]
     found = dict(iso_boxes(data, (start + 4, end)))
     kinds, flags = _items(data, found[b"iinf"])
-    mapped = [number for number, kind in kinds.items() if kind == b"tmap"]
-    if not mapped or b"iref" not in found:
+    if not (mapped := [number for number, kind in kinds.items() if kind == b"tmap"]) or b"iref" not in found:
         return None
     inputs = _references(data, found[b"iref"]).get((b"dimg", mapped[0]), [])
     place = _place(data, found[b"iloc"], mapped[0], found.get(b"idat"))
     if len(inputs) != 2 or place is None:
         return None
     file, primary = bytearray(data), found[b"pitm"][0]
-    if data[primary] == 0:
-        struct.pack_into(">H", file, primary + 4, inputs[1])
-    else:
-        struct.pack_into(">I", file, primary + 4, inputs[1])
+    struct.pack_into(">I" if data[primary] else ">H", file, primary + 4, inputs[1])
     file[flags[inputs[1]]] &= 0xFE  # not hidden
     return data[place[0] + 1 : place[1]], bytes(file)
 
@@ -116,8 +112,7 @@ def _place(data: bytes, span: Span, wanted: int, idat: Span | None) -> Span | No
             if item == wanted and extents == 1:
                 if method == 1 and idat is not None:
                     start += idat[0]
-                is_inside = method < 2 and 0 < length and start + length <= len(data)
-                return (start, start + length) if is_inside else None
+                return (start, start + length) if method < 2 and 0 < length and start + length <= len(data) else None
     return None
 
 

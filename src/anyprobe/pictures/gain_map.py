@@ -80,8 +80,7 @@ def gain_map_of(image: Image.Image, stream: BinaryIO | None) -> GainMap | None:
     """Return the gain map of a JPEG or HEIC whose open file is stream; None where it has none that can be read."""
     if stream is None:
         return None
-    readers = {"JPEG": (_of_jpeg,), "MPO": (_of_jpeg,), "HEIF": (_of_tone_map, _of_heif)}
-    for read in readers.get(image.format or "", ()):
+    for read in {"JPEG": (_of_jpeg,), "MPO": (_of_jpeg,), "HEIF": (_of_tone_map, _of_heif)}.get(image.format or "", ()):
         stream.seek(0)
         with suppress(Exception):  # decoders raise whatever the bad bytes lead them to
             if (found := read(image, stream)) is not None:
@@ -97,8 +96,7 @@ def _of_jpeg(image: Image.Image, stream: BinaryIO) -> GainMap | None:
     pictures = jpeg_pictures(head + stream.read(MOST_BYTES)) if image.format == "MPO" else iter(())
     for picture in islice(pictures, 1, None):
         xmp = [part for part in _segments(picture) if part.startswith(XMP) and _APPLE.search(part)]
-        headroom = apple_headroom(image, xmp[0]) if xmp else None
-        if headroom is not None:
+        if (headroom := apple_headroom(image, xmp[0]) if xmp else None) is not None:
             return _apple_map(_decoded(picture), headroom)
     return None
 
@@ -134,10 +132,9 @@ def _of_heif(image: Image.Image, stream: BinaryIO) -> GainMap | None:
 
 def _segments(picture: bytes) -> list[bytes]:
     """Return the contents of a JPEG's application segments; none of a damaged one."""
-    try:
+    with suppress(Exception):  # decoders raise whatever the bad bytes lead them to
         return [content for _, content in JpegImageFile(io.BytesIO(picture), "").applist]
-    except Exception:  # decoders raise whatever the bad bytes lead them to
-        return []
+    return []
 
 
 def _apple_map(image: Image.Image, headroom: float) -> GainMap:
@@ -256,8 +253,7 @@ def apple_headroom(image: Image.Image, xmp: bytes = b"") -> float | None:
 
     xmp: of the map, where it has any.
     """
-    stated = _XMP_HEADROOM.search(xmp)
-    if stated is not None:
+    if (stated := _XMP_HEADROOM.search(xmp)) is not None:
         return float(np.clip(float(stated[1]), 1.0, MOST_HEADROOM))
     numbers = apple_numbers(image)
     if not {_HEADROOM, _GAIN} <= numbers.keys():

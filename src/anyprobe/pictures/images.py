@@ -6,6 +6,7 @@ anything that cannot be a photo raises an error of one line.
 
 import io
 import os
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -273,11 +274,9 @@ def _from_raw(stream: BinaryIO, num_bytes: int, name: str) -> Pixels:
     stream.seek(0)
     warnings = tuple(Notice(note, code="raw", source=name) for note in notes)
     pixels = replace(_from_linear(radiance, name), warnings=warnings, radiance=None)  # the sensor clips at white
-    try:
-        with open_picture(stream, name) as preview:  # the preview has the EXIF
-            return _with_exif(pixels, preview)
-    except (UnknownPicture, InvalidPhoto):
-        return pixels
+    with suppress(UnknownPicture, InvalidPhoto), open_picture(stream, name) as preview:  # the preview has the EXIF
+        return _with_exif(pixels, preview)
+    return pixels
 
 
 def _with_exif(pixels: Pixels, image: Image.Image) -> Pixels:

@@ -100,8 +100,7 @@ class Panorama:
     def display(self) -> np.ndarray:
         """Return display values [R, 2R, 3] in [0, 1]: as the photo's, highlights compressed instead of clipped."""
         bright = self.radiance.max(axis=-1, keepdims=True)
-        over = np.maximum(bright - KNEE, 0.0)
-        shown = np.minimum(bright, KNEE) + SHOULDER * np.log1p(over / SHOULDER)
+        shown = np.minimum(bright, KNEE) + SHOULDER * np.log1p(np.maximum(bright - KNEE, 0.0) / SHOULDER)
         return response(self.radiance * (shown / np.maximum(bright, 1e-9)))
 
     def save(self, path: str | Path, *, colorspace: str = "rec709") -> Path:
@@ -252,8 +251,7 @@ def _newton(light: np.ndarray, y: np.ndarray, force: np.ndarray, lack: np.ndarra
         rest = lack - gained @ y
         gram = (y * (force * gained)[:, None]).T @ y
         step = np.linalg.solve(gram + (1e-5 * np.trace(gram) + 1e-9) * np.eye(9), rest)
-        largest = np.abs(y @ step).max()
-        c = c + step * min(1.0, 0.7 / max(largest, 1e-9))
+        c = c + step * min(1.0, 0.7 / max(np.abs(y @ step).max(), 1e-9))
     return c
 
 

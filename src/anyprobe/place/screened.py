@@ -61,8 +61,7 @@ def _solve(x: np.ndarray, t: np.ndarray, w: np.ndarray, reach: np.ndarray) -> np
         beside[:, 1:] += down * x[:, :-1]
         return diagonal * x - beside
 
-    goal = w * t
-    rest = goal - applied(x)
+    rest = w * t - applied(x)
     scaled = rest / diagonal
     way, left = scaled, _dot(rest, scaled)
     for _ in range(STEPS):

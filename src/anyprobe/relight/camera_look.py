@@ -62,8 +62,7 @@ def _blur_of(shown: np.ndarray) -> float:
     steepest = np.maximum(*(np.abs(np.diff(inner, axis=axis)).max(axis=(1, 2)) for axis in (1, 2)))
     share = float(np.quantile(steepest / step, SHARPEST))
     blurs = np.linspace(DRAWN_BLUR, MOST_BLUR, 64)
-    shares = [math.erf(1 / (2 * math.sqrt(2) * blur)) for blur in blurs]
-    return float(np.interp(-share, -np.array(shares), blurs))
+    return float(np.interp(-share, [-math.erf(1 / (2 * math.sqrt(2) * blur)) for blur in blurs], blurs))
 
 
 def _grain_of(shown: np.ndarray) -> float:
@@ -73,8 +72,7 @@ def _grain_of(shown: np.ndarray) -> float:
     patches = patches[(levels > NOT_CLIPPED[0]) & (levels < NOT_CLIPPED[1])]
     if len(patches) < LEAST_PATCHES:
         return 0.0
-    grain = np.abs(patches).mean(axis=(1, 2)) * math.sqrt(math.pi / 2) / 6
-    return min(float(np.quantile(grain, CALMEST)), MOST_GRAIN)
+    return min(float(np.quantile(np.abs(patches).mean(axis=(1, 2)) * math.sqrt(math.pi / 2) / 6, CALMEST)), MOST_GRAIN)
 
 
 def _patches(picture: np.ndarray, side: int) -> np.ndarray:
@@ -93,11 +91,9 @@ def blurred(drawn: np.ndarray, look: CameraLook, own: float = DRAWN_BLUR) -> np.
     kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / deviation) ** 2)
     kernel = (kernel / kernel.sum()).astype(np.float32)
     parts = np.concatenate([drawn[..., :3] * drawn[..., 3:], drawn[..., 3:]], axis=-1)
-    for axis in (0, 1):
-        sides = [(reach, reach) if k == axis else (0, 0) for k in range(3)]
-        padded = np.pad(parts, sides)
-        count = parts.shape[axis]
-        parts = sum(weight * padded.take(range(k, k + count), axis=axis) for k, weight in enumerate(kernel))
+    for _ in range(2):  # down, then across
+        padded = np.pad(parts, ((reach, reach), (0, 0), (0, 0)))
+        parts = sum(weight * padded[k : k + len(parts)] for k, weight in enumerate(kernel)).swapaxes(0, 1)
     parts[..., :3] /= np.maximum(parts[..., 3:], 1e-6)
     return parts.astype(np.float32)
 

@@ -116,8 +116,7 @@ def with_ground(ground: GroundPicture, spot: Placement, shadow: GroundShadow) ->
     share = np.clip(0.5 - sine * len(light) / np.pi, 0.0, 1.0)  # of a pixel below the horizon
     below = share > 0
     height = float(((spot.mesh.positions - spot.foot) @ view.up).max()) / 2
-    toward = directions[below]
-    landed = spot.foot + height * view.up + toward * (height / np.maximum(-sine[below], 1e-3))[:, None]
+    landed = spot.foot + height * view.up + directions[below] * (height / np.maximum(-sine[below], 1e-3))[:, None]
     weight = share[below][:, None]
     result = light.astype(np.float32, copy=True)
     result[below] = result[below] * (1 - weight) + ground.at(landed, shadow) * weight
@@ -244,8 +243,8 @@ class Surroundings:
         difference = np.zeros(rays.shape)
         difference[below] = seen - bilinear(self.lit, direction_to_uv(rays[below]))
         met, sent = self._bodies_along(starts, rays, shading_pyramid(self.light, self.material.alpha))
-        terms = (of.reshape(*d.shape[:2], -1).mean(axis=1) for of in (difference, sent, met))
-        return next(terms), next(terms), next(terms)
+        of_ground, of_bodies, share = (of.reshape(*d.shape[:2], -1).mean(axis=1) for of in (difference, sent, met))
+        return of_ground, of_bodies, share
 
     def _ground_along(self, starts: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return which rays [N, 3] meet the ground, and what it sends along those."""
@@ -253,8 +252,7 @@ class Surroundings:
         sine = rays @ up
         below = sine < -LEAST_SINE
         height = np.maximum((starts[below] - self.spot.foot) @ up, 0.0)
-        landed = starts[below] + (height / -sine[below])[:, None] * rays[below]
-        return below, self.ground.at(landed, self.shadow)
+        return below, self.ground.at(starts[below] + (height / -sine[below])[:, None] * rays[below], self.shadow)
 
     def remaining(self, points: Points) -> tuple[Float[np.ndarray, "P 3"], Float[np.ndarray, "P 1"]]:
         """Return the share of the light's irradiance that reaches points, and that of an even one that bodies hide."""
@@ -301,8 +299,7 @@ class Surroundings:
             return self.material.f0 * terms[0] + (1.0 - self.material.f0) * terms[1]
 
         passed = self.open_shares(points, pyramid.emitters, pyramid.emitter_power)
-        kept = reflected(np.where(hidden[:, None], 0.0, of_map), passed)
-        return kept, reflected(of_map, 1.0), reflected(more)
+        return reflected(np.where(hidden[:, None], 0.0, of_map), passed), reflected(of_map, 1.0), reflected(more)
 
     def _bodies_along(
         self, starts: np.ndarray, rays: np.ndarray, pyramid: Pyramid

@@ -201,8 +201,7 @@ def shade_diffuse(pyramid: Pyramid, n, wo, u):
     if pyramid.emitters is None:
         return diffuse
     n_dot_wi, wo_dot_h, _ = _emitter_cosines(pyramid, n, wo)
-    weight = diffuse_weight(xp.clip(n_dot_wi, 0.0, None), wo_dot_h)
-    return diffuse + _gather(weight, pyramid.emitter_power)
+    return diffuse + _gather(diffuse_weight(xp.clip(n_dot_wi, 0.0, None), wo_dot_h), pyramid.emitter_power)
 
 
 def shade(pyramid: Pyramid, n, wo, alpha, u, u_diffuse=None, wide: Pyramid | None = None) -> Shading:

@@ -112,9 +112,7 @@ def corner_normals(
         other = order[starts[corner_vertex[one]] + within]
         alike = (face_normals[corner_face[one]] * face_normals[corner_face[other]]).sum(axis=1)
         weight = np.where(alike >= np.cos(np.radians(crease_deg)), angles[other], 0.0)
-        weighted = face_normals[corner_face[other]] * weight[:, None]
-        summed[first:last] = np.add.reduceat(weighted, begins, axis=0)
+        summed[first:last] = np.add.reduceat(face_normals[corner_face[other]] * weight[:, None], begins, axis=0)
         first = last
     norm = np.linalg.norm(summed, axis=1, keepdims=True)
-    own = face_normals[corner_face]
-    return np.where(norm > 1e-12, summed / np.maximum(norm, 1e-12), own).reshape(-1, 3, 3)
+    return np.where(norm > 1e-12, summed / np.maximum(norm, 1e-12), face_normals[corner_face]).reshape(-1, 3, 3)

@@ -52,8 +52,7 @@ def draw_mesh(
     row, column = np.nonzero(fine.mask)
     pixel = row // supersample * size + column // supersample
     count = np.bincount(pixel, minlength=size * size)
-    crease = max(CREASE, 1.0 - material.alpha**2 / 2)
-    point, of_point, share = _shaded_points(fine.normals, pixel, count, crease)
+    point, of_point, share = _shaded_points(fine.normals, pixel, count, max(CREASE, 1.0 - material.alpha**2 / 2))
     n, wo = (_mean_direction(v, point, len(of_point)) for v in (fine.normals, fine.wo))
     turn = np.asarray(camera.world_from_camera, np.float32).T
     n, wo = n @ turn, wo @ turn
@@ -69,8 +68,7 @@ def draw_mesh(
             _, specular, grazing = shade_specular(pyramid, n[some], wo[some], material.alpha, samples)
             shaded[some] = material.f0 * specular + (1.0 - material.f0) * grazing
             if np.any(material.albedo):  # a metal has none
-                diffuse = shade_diffuse(wide, n[some], wo[some], samples)
-                shaded[some] += material.albedo * (1.0 - material.f0) * diffuse
+                shaded[some] += material.albedo * (1.0 - material.f0) * shade_diffuse(wide, n[some], wo[some], samples)
     for channel in range(3):
         picture[:, channel] = np.bincount(of_point, share * shaded[:, channel], size * size)
     return picture.reshape(size, size, 4)

@@ -36,8 +36,7 @@ def sphere_normals(size: int = SPHERE_SIZE) -> tuple[np.ndarray, np.ndarray]:
     right, up = np.meshgrid(x, -x)
     squared = right**2 + up**2
     mask = squared < 1
-    z = np.sqrt(np.where(mask, 1 - squared, 0.0))
-    normals = np.stack([right, up, z], axis=-1)[mask].astype(np.float32)
+    normals = np.stack([right, up, np.sqrt(np.where(mask, 1 - squared, 0.0))], axis=-1)[mask].astype(np.float32)
     normals.flags.writeable = mask.flags.writeable = False  # the cache's own arrays
     return normals, mask
 

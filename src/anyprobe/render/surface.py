@@ -65,8 +65,7 @@ def frame_object(
     The window matches a crop of a photo: its centre is the centre of the object's
     bounding box, its side margin times the box's longer side.
     """
-    distance = 1.0 / np.sin(np.radians(fov_deg) / 2)
-    position = world_from_camera @ np.array([0.0, 0.0, distance])
+    position = world_from_camera @ np.array([0.0, 0.0, 1.0 / np.sin(np.radians(fov_deg) / 2)])
     rotation = world_from_camera
     for _ in range(3):  # the box changes a little as the camera turns
         projected = _project(mesh.positions, rotation, position)
@@ -96,8 +95,7 @@ def see(mesh: Mesh, camera: Camera) -> Surface:
     x, y = ((projected[:, i] - camera.center[i]) / camera.tan_half for i in (0, 1))
     screen = np.stack([(x + 1) * size / 2, (1 - y) * size / 2], axis=-1)
     triangle, weights, pixel = cover(screen[mesh.faces], size)
-    inverse_depth = projected[:, 2][mesh.faces[triangle]]
-    weights = weights * inverse_depth
+    weights = weights * projected[:, 2][mesh.faces[triangle]]
     depth_key = weights.sum(axis=1)
     order = np.argsort(depth_key, kind="stable")  # nearest last: it wins the assignment
     nearest = np.full(size * size, -1, dtype=np.int64)

@@ -48,8 +48,7 @@ class Voxels:
 def voxelize(mesh: Mesh) -> Voxels:
     """Return the cells that a mesh's surface lies in; the box is the mesh's own."""
     low, high = mesh.positions.min(axis=0), mesh.positions.max(axis=0)
-    extent = np.maximum(high - low, LEAST_EXTENT)
-    cell = (extent / SIDE).astype(np.float32)
+    cell = (np.maximum(high - low, LEAST_EXTENT) / SIDE).astype(np.float32)
     corners = ((mesh.positions - low) / cell)[mesh.faces].astype(np.float32)  # [F, 3, 3] in cells
     edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     counts = 2 ** np.ceil(np.log2(np.maximum(edges * FINENESS, 1.0))).astype(int)

@@ -13,13 +13,11 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
 from anyprobe import session
-from anyprobe.core.color import to_bytes
 from anyprobe.estimate.photo import Photo
 from anyprobe.estimate.result import Light
 from anyprobe.inputs.hints import HINTS
 from anyprobe.masks.check import object_box
 from anyprobe.notices import Notice, Words
-from anyprobe.pictures.images import png_bytes
 
 JSON = "application/json"
 
@@ -52,8 +50,7 @@ def choose_type(request: Request, types: dict[str, str]) -> str:
     Raises:
         HTTPException: 406, none of those can be had.
     """
-    suffix = request.query_params.get("format")
-    if suffix is not None:
+    if (suffix := request.query_params.get("format")) is not None:
         ranked = [media for media, kind in types.items() if kind == suffix]
     else:
         ranked = _accepted(request.headers.get("accept", "*/*"), list(types))
@@ -111,11 +108,6 @@ def _warnings(notices: tuple[Notice, ...]) -> dict[str, Any]:
     return {"warnings": [FIELDS.line(one) for one in notices], "notices": [notice_json(one) for one in notices]}
 
 
-def mask_png(mask: np.ndarray) -> bytes:
-    """Return a mask [H, W] as a grey PNG."""
-    return png_bytes(to_bytes(mask), compress_level=3)
-
-
 def _accepted(header: str, known: list[str]) -> list[str]:
     """Return the known media types that an Accept header allows, by its q and then in our order."""
     weights: dict[str, float] = {}
@@ -128,8 +120,7 @@ def _accepted(header: str, known: list[str]) -> list[str]:
             weights[media] = 0.0
 
     def weight(media: str) -> float:
-        kinds = (media, f"{media.split('/')[0]}/*", "*/*")
-        return next((weights[kind] for kind in kinds if kind in weights), 0.0)
+        return next((weights[kind] for kind in (media, f"{media.split('/')[0]}/*", "*/*") if kind in weights), 0.0)
 
     return sorted((media for media in known if weight(media) > 0), key=weight, reverse=True)
 

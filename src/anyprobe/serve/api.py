@@ -166,7 +166,7 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
     """Add the addresses that other programs call."""
 
     async def decode(request: Request, task: Callable[[Any, int], Any], sent: Any, quick: bool) -> Any:
-        return await pool.decode(partial(task, sent, limits.max_pixels), quick, _leaving(request))
+        return await pool.decode(partial(task, sent, limits.max_pixels), quick, partial(_gone, request))
 
     @app.post(
         "/v1/estimate",
@@ -202,7 +202,7 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
         def work() -> Response:
             return answers.light_response(session.estimate(estimator, extracts, turns), media, include, masks[0])
 
-        return await pool.run(work, _leaving(request))
+        return await pool.run(work, partial(_gone, request))
 
     @app.post(
         "/v1/mask",
@@ -219,8 +219,7 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
         media = answers.choose_type(request, answers.MASK_TYPES)
         await forms.check_once(request, form)
         shot = await forms.photo_sent(form)
-        task = partial(tasks.mask, as_json=media == answers.JSON)
-        found = await decode(request, task, shot, tasks.is_quick(shot))
+        found = await decode(request, partial(tasks.mask, as_json=media == answers.JSON), shot, tasks.is_quick(shot))
         return JSONResponse(found) if media == answers.JSON else Response(found, media_type=media)
 
     @app.post(
@@ -266,14 +265,10 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
         return list(TARGETS)
 
 
-def _leaving(request: Request) -> Callable[[], Any]:
-    """Return a coroutine function that waits until the client has gone; call it once the body is read."""
-
-    async def gone() -> None:
-        while (await request.receive())["type"] != "http.disconnect":
-            pass
-
-    return gone
+async def _gone(request: Request) -> None:
+    """Wait until the client has gone; to be called once the body is read."""
+    while (await request.receive())["type"] != "http.disconnect":
+        pass
 
 
 def _add_error_lines(app: FastAPI) -> None:

@@ -115,8 +115,7 @@ class TokenOnly:
             return await answer(scope, receive, send)
         text = "expected the server's token, got none or another; open the address that it printed, or send "
         headers = {"WWW-Authenticate": "Bearer", "Connection": "close"}
-        answer = problem(401, text + "Authorization: Bearer TOKEN", headers)
-        return await answer(scope, receive, send)
+        return await problem(401, text + "Authorization: Bearer TOKEN", headers)(scope, receive, send)
 
     def _fits(self, token: str) -> bool:
         return secrets.compare_digest(token.strip().encode(), self._token)

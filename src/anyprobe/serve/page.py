@@ -30,7 +30,7 @@ from anyprobe.files.atomic import atomic_path
 from anyprobe.inputs.settings import DEFAULT_MODEL
 from anyprobe.masks.weights import find_weights
 from anyprobe.pictures.images import png_bytes, read_image
-from anyprobe.serve.answers import light_json, mask_png
+from anyprobe.serve.answers import light_json
 from anyprobe.serve.guards import SECURITY_HEADERS
 from anyprobe.serve.pool import WorkerPool
 
@@ -70,8 +70,7 @@ class Page:
         runs = model if has_light else DEFAULT_MODEL  # browsers run light.onnx alone
         self.files["weights/light.onnx"] = weights_folder(runs) / "light.onnx"
         self._model_id = model_id(runs)
-        mask = weights_folder(DEFAULT_MODEL).parent / "mask" / "mask.onnx"
-        if mask.is_file():
+        if (mask := weights_folder(DEFAULT_MODEL).parent / "mask" / "mask.onnx").is_file():
             self.files["weights/mask.onnx"] = mask
         if (mask_weights := find_weights()) is not None:
             self.files["weights/u2netp.onnx"] = mask_weights.path
@@ -99,11 +98,10 @@ class Page:
             if not self._example:
                 pixels = read_image(self.files[EXAMPLE])
                 photo = load_photo(pixels.rgb, mask=pixels.alpha, fov_deg=EXAMPLE_FOV_DEG)
-                light = self._estimator.from_photo(photo)
-                answer = light_json(light, frozenset({"radiance"}), None)
+                answer = light_json(self._estimator.from_photo(photo), frozenset({"radiance"}), None)
                 self._example = {
                     "example/photo.png": png_bytes(to_bytes(pixels.rgb), compress_level=3),
-                    "example/mask.png": mask_png(photo.mask),
+                    "example/mask.png": png_bytes(to_bytes(photo.mask), compress_level=3),
                     "example/light.json": json.dumps(answer | {"photo": "example"}).encode(),
                 }
         return self._example
@@ -163,8 +161,7 @@ def _file_response(request: Request, page: Page, name: str) -> Response:
         headers["Content-Encoding"] = "gzip"
     elif packed:
         data = gzip.decompress(data)
-    media = MEDIA_TYPES.get(Path(name).suffix, "application/octet-stream")
-    return Response(data, media_type=media, headers=headers)
+    return Response(data, media_type=MEDIA_TYPES.get(Path(name).suffix, "application/octet-stream"), headers=headers)
 
 
 def _absent(request: Request) -> HTTPException:

@@ -3,6 +3,7 @@ the object (video.held_mask)."""
 
 import os
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -156,11 +157,9 @@ class MaskFollower:
 
     def _found(self, frame: Frame, name: str, own: Mapping[str, Any]) -> tuple[Photo, np.ndarray]:
         """Return the photo and the whole mask [H, W], of which the photo's is a part; InvalidMask if there is none."""
-        held = self._followed(frame.rgb)
-        if held is not None:
+        if (held := self._followed(frame.rgb)) is not None:
             photo = self._load(frame, name, own, mask=lit_mask(held, frame.rgb.shape))
-            photo = replace(photo, mask_source="network")
-            return photo, mask_in(held, frame.rgb.shape)
+            return replace(photo, mask_source="network"), mask_in(held, frame.rgb.shape)
         where = self.hints
         if self.last is not None:
             x, y, _, x0, y0, x1, y1 = self.last
@@ -186,8 +185,7 @@ class MaskFollower:
                 self._before = None if held is self._before else self._before
                 self.held = follow(held, rgb, found)
                 return self.held
-        mask = _looked_for(rgb, self.last, self.segmenter)
-        if mask is None:
+        if (mask := _looked_for(rgb, self.last, self.segmenter)) is None:
             return None
         if self._before is None:
             self._before, self._lost_for = self.held, 0
@@ -231,10 +229,9 @@ def _looked_for(rgb: np.ndarray, last: list[float], segmenter: Network | None) -
 
 def _bytes_of(path: Path) -> bytes:
     """Return a file's bytes; none if it cannot be read: the frame that needs it reports that."""
-    try:
+    with suppress(OSError):
         return path.read_bytes()
-    except OSError:
-        return b""
+    return b""
 
 
 def inner_point(mask: np.ndarray) -> tuple[float, float]:

@@ -35,8 +35,7 @@ def light_picture(radiance: Float[np.ndarray, "H 2*H 3"] | None, ev: float = 0.0
     picture = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
     if radiance is None:
         return picture
-    shown = resample(np.asarray(radiance, np.float32), (WIDTH, MAP_ROWS), smooth=True)
-    picture[:MAP_ROWS] = to_bytes(response(shown))
+    picture[:MAP_ROWS] = to_bytes(response(resample(np.asarray(radiance, np.float32), (WIDTH, MAP_ROWS), smooth=True)))
     for k, sphere in enumerate((diffuse(reduced(radiance, _ROWS), SIDE), mirror(radiance, SIDE))):
         picture[MAP_ROWS:, k * SIDE : (k + 1) * SIDE] = to_bytes(response(sphere * np.float32(2.0**ev)))
     return picture
@@ -51,7 +50,6 @@ def beside_frame(
     picture = np.zeros((HEIGHT, 2 * WIDTH, 3), np.uint8)
     left, top = (WIDTH - width) // 2, (HEIGHT - height) // 2
     kernel = Image.Resampling.BOX if scale < 1 else Image.Resampling.BILINEAR
-    small = Image.fromarray(rgb).resize((width, height), kernel)
-    picture[top : top + height, left : left + width] = np.asarray(small)
+    picture[top : top + height, left : left + width] = np.asarray(Image.fromarray(rgb).resize((width, height), kernel))
     picture[:, WIDTH:] = light
     return picture

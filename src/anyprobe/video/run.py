@@ -214,8 +214,7 @@ class ClipRun:
         steady = self._seen(frame.index)
         if self.exr:
             header = {"model": self.estimator.model_id, "frame": FRAME, "scale": SCALE}
-            path = self.folder / "lights" / f"{frame.index:06d}.exr"
-            write_exr(path, steady, attributes=header)
+            write_exr(self.folder / "lights" / f"{frame.index:06d}.exr", steady, attributes=header)
         if self.virtual is not None:
             done.gain = 1.0 if self.material is not None else least_scale(self._photo, steady)
         if self.virtual is not None and self._stage is None:
