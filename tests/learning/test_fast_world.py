@@ -76,7 +76,7 @@ def test_an_unshadowed_plane_reflects_albedo_times_irradiance_over_pi():
     scene, (free, reached), _ = lit(None, light(1.0, power=2.0))
     np.testing.assert_allclose(free, np.pi + 2.0, rtol=1e-3)
     np.testing.assert_allclose(reached, free, rtol=1e-6)
-    seen = probe_map(*scene, 0.0, 1.0, 0.0, np.eye(3), 64)
+    seen = probe_map(*scene, (0.0, 1.0, 0.0), np.eye(3), 64)
     np.testing.assert_allclose(seen[40:], ALBEDO * (np.pi + 2.0) / np.pi, rtol=2e-3)
     np.testing.assert_allclose(seen[:20], 1.0, rtol=1e-5)
 

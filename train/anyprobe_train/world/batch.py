@@ -206,7 +206,7 @@ def trace(
         behind = background_of(scene, frame, seen, wanted, seed + 2)
         for other in others:
             behind = other[..., :3] + (1 - other[..., 3:]) * behind
-    truth = probe_map(*scene, 0.0, float(view["top"]) / 2, 0.0, frame.camera, 64)
+    truth = probe_map(*scene, (0.0, float(view["top"]) / 2, 0.0), frame.camera, 64)
     return Traced(
         layout=layout,
         view=view,

@@ -6,6 +6,7 @@ import numpy as np
 
 from anyprobe_train.world import scene as at
 from anyprobe_train.world.march import blocked_cells, compiled
+from anyprobe_train.world.vectors import between, dot, minus, row_of, scaled, unit, vector
 
 FAR_AWAY = 1e9
 LEAST_ALBEDO, MOST_ALBEDO = 0.03, 0.8
@@ -69,66 +70,52 @@ def level_of(texels, rows):
 
 
 @compiled
-def sky_at(i, q, part, level, x, y, z):
+def sky_at(i, q, part, level, d):
     """Return radiance along a unit direction of a level of the sky, with sources (FULL) or without (REST), bilinear."""
     size = i[at.SKY_ROWS] >> level
     start = part * i[at.TEXELS] + 8 * (i[at.SKY_ROWS] * i[at.SKY_ROWS] - size * size) // 3
-    column = (0.5 + angle_of(x, -z) * (0.5 / math.pi)) * 2 * size - 0.5
-    row = min(max(polar_angle(y) * (size / math.pi) - 0.5, 0.0), size - 1.0)
+    column = (0.5 + angle_of(d[0], -d[2]) * (0.5 / math.pi)) * 2 * size - 0.5
+    row = min(max(polar_angle(d[1]) * (size / math.pi) - 0.5, 0.0), size - 1.0)
     c0, r0 = int(math.floor(column)), int(row)
     fc, fr = column - c0, row - r0
     c1, r1 = (c0 + 1) & (2 * size - 1), min(r0 + 1, size - 1)
     c0 = c0 & (2 * size - 1)
     a, b = start + r0 * 2 * size, start + r1 * 2 * size
-    w0, w1, w2, w3 = (1 - fc) * (1 - fr), fc * (1 - fr), (1 - fc) * fr, fc * fr
-    return (
-        w0 * q[a + c0, 0] + w1 * q[a + c1, 0] + w2 * q[b + c0, 0] + w3 * q[b + c1, 0],
-        w0 * q[a + c0, 1] + w1 * q[a + c1, 1] + w2 * q[b + c0, 1] + w3 * q[b + c1, 1],
-        w0 * q[a + c0, 2] + w1 * q[a + c1, 2] + w2 * q[b + c0, 2] + w3 * q[b + c1, 2],
-    )
+    return between(fc, fr, row_of(q, a + c0), row_of(q, a + c1), row_of(q, b + c0), row_of(q, b + c1))
 
 
 @compiled
-def hit_body(f, i, w, number, ox, oy, oz, dx, dy, dz, most):
+def hit_body(f, i, w, number, o, d, most):
     """Return the distance at which a ray meets a body, or -1."""
     b = i[at.BODY] + number * at.BODY_SIZE
-    x, y, z = f[b + at.BALL] - ox, f[b + at.BALL + 1] - oy, f[b + at.BALL + 2] - oz
-    along, away = x * dx + y * dy + z * dz, x * x + y * y + z * z
-    if away > f[b + at.BALL + 3] and (
-        along < 0 or away - along * along / (dx * dx + dy * dy + dz * dz) > f[b + at.BALL + 3]
-    ):
+    away = minus(vector(f, b + at.BALL), o)
+    along, square = dot(away, d), dot(away, away)
+    if square > f[b + at.BALL + 3] and (along < 0 or square - along * along / dot(d, d) > f[b + at.BALL + 3]):
         return -1.0
     m = b + at.CELLS_FROM_WORLD
-    return blocked_cells(
-        w[number],
-        f[m] * ox + f[m + 1] * oy + f[m + 2] * oz + f[m + 3],
-        f[m + 4] * ox + f[m + 5] * oy + f[m + 6] * oz + f[m + 7],
-        f[m + 8] * ox + f[m + 9] * oy + f[m + 10] * oz + f[m + 11],
-        f[m] * dx + f[m + 1] * dy + f[m + 2] * dz,
-        f[m + 4] * dx + f[m + 5] * dy + f[m + 6] * dz,
-        f[m + 8] * dx + f[m + 9] * dy + f[m + 10] * dz,
-        most,
-    )
+    x, y, z = vector(f, m), vector(f, m + 4), vector(f, m + 8)
+    place = dot(x, o) + f[m + 3], dot(y, o) + f[m + 7], dot(z, o) + f[m + 11]
+    return blocked_cells(w[number], *place, dot(x, d), dot(y, d), dot(z, d), most)
 
 
 @compiled
-def hit_panel(f, i, ox, oy, oz, dx, dy, dz, most, without):
+def hit_panel(f, i, o, d, most, without):
     """Return the nearest panel that a ray meets before `most`, its distance, and x, y on it; -1 if none."""
     best, distance, bx, by = -1, most, 0.0, 0.0
     for number in range(i[at.PANELS]):
         if number == without:
             continue
         p = i[at.PANEL] + number * at.PANEL_SIZE
-        slope = f[p + at.NORMAL] * dx + f[p + at.NORMAL + 1] * dy + f[p + at.NORMAL + 2] * dz
+        normal = vector(f, p + at.NORMAL)
+        slope = dot(normal, d)
         if abs(slope) < 1e-7:
             continue
-        ax, ay, az = f[p + at.ORIGIN] - ox, f[p + at.ORIGIN + 1] - oy, f[p + at.ORIGIN + 2] - oz
-        t = (f[p + at.NORMAL] * ax + f[p + at.NORMAL + 1] * ay + f[p + at.NORMAL + 2] * az) / slope
+        away = minus(vector(f, p + at.ORIGIN), o)
+        t = dot(normal, away) / slope
         if t <= 1e-4 or t >= distance:
             continue
-        qx, qy, qz = t * dx - ax, t * dy - ay, t * dz - az
-        x = qx * f[p + at.RIGHT] + qy * f[p + at.RIGHT + 1] + qz * f[p + at.RIGHT + 2]
-        y = qx * f[p + at.UP] + qy * f[p + at.UP + 1] + qz * f[p + at.UP + 2]
+        place = minus(scaled(t, d), away)
+        x, y = dot(place, vector(f, p + at.RIGHT)), dot(place, vector(f, p + at.UP))
         if abs(x) <= f[p + at.HALF] and abs(y) <= f[p + at.HALF + 1]:
             best, distance, bx, by = number, t, x, y
     return best, distance, bx, by
@@ -139,15 +126,9 @@ def bilinear_at(f, start, size, column, row):
     """Return a picture's value [size, size, 3] that begins at `start`, between pixels."""
     column, row = min(max(column, 0.0), size - 1.001), min(max(row, 0.0), size - 1.001)
     c, r = int(column), int(row)
-    fc, fr = column - c, row - r
     a = start + (r * size + c) * 3
     b = a + size * 3
-    w0, w1, w2, w3 = (1 - fc) * (1 - fr), fc * (1 - fr), (1 - fc) * fr, fc * fr
-    return (
-        w0 * f[a] + w1 * f[a + 3] + w2 * f[b] + w3 * f[b + 3],
-        w0 * f[a + 1] + w1 * f[a + 4] + w2 * f[b + 1] + w3 * f[b + 4],
-        w0 * f[a + 2] + w1 * f[a + 5] + w2 * f[b + 2] + w3 * f[b + 5],
-    )
+    return between(column - c, row - r, vector(f, a), vector(f, a + 3), vector(f, b), vector(f, b + 3))
 
 
 @compiled
@@ -179,17 +160,15 @@ def panel_point(f, i, number, column, row):
 
 
 @compiled
-def albedo_at(f, i, q, number, x, y, px, py, pz):
-    """Return the albedo of a panel at x, y on it, which is p in the world."""
+def albedo_at(f, i, q, number, x, y, place):
+    """Return the albedo of a panel at x, y on it, which is a place in the world."""
     p = i[at.PANEL] + number * at.PANEL_SIZE
     if f[p + at.GROUND] > 0:
-        dx, dy, dz = px - f[at.EYE], py - f[at.EYE + 1], pz - f[at.EYE + 2]
-        length = math.sqrt(dx * dx + dy * dy + dz * dz)
-        r, g, b = sky_at(i, q, FULL, 1, dx / length, dy / length, dz / length)
+        light = sky_at(i, q, FULL, 1, unit(minus(place, vector(f, at.EYE))))
         return (
-            min(max(r * math.pi / f[at.FALLING], LEAST_ALBEDO), MOST_ALBEDO),
-            min(max(g * math.pi / f[at.FALLING + 1], LEAST_ALBEDO), MOST_ALBEDO),
-            min(max(b * math.pi / f[at.FALLING + 2], LEAST_ALBEDO), MOST_ALBEDO),
+            min(max(light[0] * math.pi / f[at.FALLING], LEAST_ALBEDO), MOST_ALBEDO),
+            min(max(light[1] * math.pi / f[at.FALLING + 1], LEAST_ALBEDO), MOST_ALBEDO),
+            min(max(light[2] * math.pi / f[at.FALLING + 2], LEAST_ALBEDO), MOST_ALBEDO),
         )
     size = i[at.PICTURE_SIDE]
     a, b = x / f[p + at.MIRRORED_SIDE], y / f[p + at.MIRRORED_SIDE]
@@ -198,50 +177,29 @@ def albedo_at(f, i, q, number, x, y, px, py, pz):
 
 
 @compiled
-def is_blocked(f, i, w, first, ox, oy, oz, dx, dy, dz, most):
-    """Return whether a body from number `first` on hides what lies along a ray."""
-    for b in range(first, i[at.BODIES]):
-        if hit_body(f, i, w, b, ox, oy, oz, dx, dy, dz, most) >= 0.0:
-            return True
-    return False
+def glow_of(f, i, number):
+    """Return the mean radiance of a body."""
+    return vector(f, i[at.BODY] + number * at.BODY_SIZE + at.GLOW)
 
 
 @compiled
-def toward_source(f, i, number, ox, oy, oz):
+def first_hit(f, i, w, first, o, d, most):
+    """Return the number of a body from `first` on that hides what lies along a ray, -1 if none does."""
+    for b in range(first, i[at.BODIES]):
+        if hit_body(f, i, w, b, o, d, most) >= 0.0:
+            return b
+    return -1
+
+
+@compiled
+def toward_source(f, i, number, o):
     """Return a direction to a source, irradiance on what faces it, the tangent of its radius, and its distance."""
     s = i[at.SOURCE] + number * at.SOURCE_SIZE
+    place, power, radius = vector(f, s + at.AT), vector(f, s + at.POWER), f[s + at.RADIUS]
     if f[s + at.IS_BALL] == 0:
-        return (
-            f[s + at.AT],
-            f[s + at.AT + 1],
-            f[s + at.AT + 2],
-            f[s + at.POWER],
-            f[s + at.POWER + 1],
-            f[s + at.POWER + 2],
-            f[s + at.RADIUS],
-            FAR_AWAY,
-        )
-    dx, dy, dz = f[s + at.AT] - ox, f[s + at.AT + 1] - oy, f[s + at.AT + 2] - oz
-    distance = max(math.sqrt(dx * dx + dy * dy + dz * dz), 1.001 * f[s + at.RADIUS])
-    sine = f[s + at.RADIUS] / distance
-    e = math.pi * sine * sine
-    tangent = sine / math.sqrt(max(1 - sine * sine, 1e-6))
-    return (
-        dx / distance,
-        dy / distance,
-        dz / distance,
-        e * f[s + at.POWER],
-        e * f[s + at.POWER + 1],
-        e * f[s + at.POWER + 2],
-        tangent,
-        distance,
-    )
-
-
-@compiled
-def basis(x, y, z):
-    """Return two unit vectors across a unit one."""
-    sign = 1.0 if z >= 0 else -1.0
-    a = -1.0 / (sign + z)
-    b = x * y * a
-    return 1.0 + sign * x * x * a, sign * b, -sign * x, b, sign + y * y * a, -y
+        return place, power, radius, FAR_AWAY
+    away = minus(place, o)
+    distance = max(math.sqrt(dot(away, away)), 1.001 * radius)
+    sine = radius / distance
+    direction = away[0] / distance, away[1] / distance, away[2] / distance
+    return direction, scaled(math.pi * sine * sine, power), sine / math.sqrt(max(1 - sine * sine, 1e-6)), distance

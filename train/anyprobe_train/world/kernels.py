@@ -10,12 +10,12 @@ from anyprobe_train.world.hits import (
     FULL,
     REST,
     albedo_at,
-    basis,
+    first_hit,
+    glow_of,
     grid_at,
     hit_body,
     hit_panel,
     in_disc,
-    is_blocked,
     level_of,
     panel_point,
     random,
@@ -23,6 +23,7 @@ from anyprobe_train.world.hits import (
     toward_source,
 )
 from anyprobe_train.world.march import compiled
+from anyprobe_train.world.vectors import add_to, basis, dot, minus, mixed, moved, row_of, scaled, times, vector
 
 GATHERED, SETS = 49, 16
 """Directions over a panel's point, and sets of them that points choose from."""
@@ -39,7 +40,7 @@ COARSE_LEVEL = 4
 
 
 @compiled
-def seen_share(f, i, w, number, ox, oy, oz, nx, ny, nz, rays, without, own, hides, draw, part, parts):
+def seen_share(f, i, w, number, o, n, rays, without, own, hides, draw, part, parts):
     """Return the mean cosine over a source of what a point sees of it past all but the object, and past all, and the
     share that it sees, by jittered rays.
 
@@ -47,93 +48,80 @@ def seen_share(f, i, w, number, ox, oy, oz, nx, ny, nz, rays, without, own, hide
     object may be in the way; draw: number of the point, by which rays are drawn; part: which of `parts` of one set of
     rays they are.
     """
-    lx, ly, lz, _, _, _, tangent, distance = toward_source(f, i, number, ox, oy, oz)
-    if lx * nx + ly * ny + lz * nz < -tangent:
+    to, _, tangent, distance = toward_source(f, i, number, o)
+    if dot(to, n) < -tangent:
         return 0.0, 0.0, 0.0
-    tx, ty, tz, ux, uy, uz = basis(lx, ly, lz)
-    px, py, pz = ox + own * nx, oy + own * ny, oz + own * nz
+    t, u = basis(to)
+    start = moved(o, own, n)
     free, seen, share = 0.0, 0.0, 0
     for k in range(rays):
         a, b = in_disc(draw * i[at.SOURCE_COUNT] + number, k * parts + part, rays * parts)
         a, b = a * tangent, b * tangent
-        length = 1 / math.sqrt(1 + a * a + b * b)
-        dx, dy, dz = ((lx + a * tx + b * ux) * length, (ly + a * ty + b * uy) * length, (lz + a * tz + b * uz) * length)
-        cosine = dx * nx + dy * ny + dz * nz
+        d = scaled(1 / math.sqrt(1 + a * a + b * b), moved(moved(to, a, t), b, u))
+        cosine = dot(d, n)
         if cosine <= 0:
             continue
-        panel, _, _, _ = hit_panel(f, i, px, py, pz, dx, dy, dz, distance, without)
-        if panel >= 0 or is_blocked(f, i, w, 1, px, py, pz, dx, dy, dz, distance):
+        panel, _, _, _ = hit_panel(f, i, start, d, distance, without)
+        if panel >= 0 or first_hit(f, i, w, 1, start, d, distance) >= 0:
             continue
         free += cosine
-        if not hides or hit_body(f, i, w, 0, px, py, pz, dx, dy, dz, distance) < 0:
+        if not hides or hit_body(f, i, w, 0, start, d, distance) < 0:
             seen, share = seen + cosine, share + 1
     return free / rays, seen / rays, share / rays
 
 
 @compiled
-def soft_light(i, q, nx, ny, nz, seed, ways, light):
+def soft_light(i, q, n, seed, ways, light):
     """Fill SETS of directions, even in cosine about a normal, into ways [SETS, GATHERED, 3], and into light what the
     sky without sources adds along each to the irradiance; each set's sum is the sky's whole."""
-    tx, ty, tz, ux, uy, uz = basis(nx, ny, nz)
+    t, u = basis(n)
     whole = np.zeros(3)
     for s in range(SETS):
         for k in range(GATHERED):
             a, b = in_disc(seed + s, k, GATHERED)
-            h = math.sqrt(max(1 - a * a - b * b, 0.0))
-            x, y, z = a * tx + b * ux + h * nx, a * ty + b * uy + h * ny, a * tz + b * uz + h * nz
-            ways[s, k, 0], ways[s, k, 1], ways[s, k, 2] = x, y, z
-            light[s, k, 0], light[s, k, 1], light[s, k, 2] = sky_at(i, q, REST, COARSE_LEVEL, x, y, z)
-            for n in range(3):
-                whole[n] += light[s, k, n] * math.pi / (SETS * GATHERED)
+            d = mixed(a, b, math.sqrt(max(1 - a * a - b * b, 0.0)), t, u, n)
+            ways[s, k, 0], ways[s, k, 1], ways[s, k, 2] = d
+            light[s, k, 0], light[s, k, 1], light[s, k, 2] = sky_at(i, q, REST, COARSE_LEVEL, d)
+            for c in range(3):
+                whole[c] += light[s, k, c] * math.pi / (SETS * GATHERED)
     for s in range(SETS):
-        for n in range(3):
-            light[s, :, n] *= whole[n] / max(light[s, :, n].sum(), 1e-20)
+        for c in range(3):
+            light[s, :, c] *= whole[c] / max(light[s, :, c].sum(), 1e-20)
 
 
 @compiled
-def fall_on(f, i, w, number, ox, oy, oz, ways, light, draw, out):
+def fall_on(f, i, w, number, o, ways, light, draw, out):
     """Gather the light on point o of a panel's front into out [3, 3]: FREE, LIT and SOFT. ways, light: [GATHERED, 3]
     each, a set of `soft_light`."""
-    p = i[at.PANEL] + number * at.PANEL_SIZE
-    nx, ny, nz = f[p + at.NORMAL], f[p + at.NORMAL + 1], f[p + at.NORMAL + 2]
+    n = vector(f, i[at.PANEL] + number * at.PANEL_SIZE + at.NORMAL)
     out[:] = 0.0
     for m in range(GATHERED):
-        dx, dy, dz = ways[m, 0], ways[m, 1], ways[m, 2]
-        panel, t, x, y = hit_panel(f, i, ox, oy, oz, dx, dy, dz, FAR_AWAY, number)
-        glow = -1
+        d = row_of(ways, m)
+        panel, t, x, y = hit_panel(f, i, o, d, FAR_AWAY, number)
+        body = -1
         for k in range(1, i[at.BODIES]):
-            d = hit_body(f, i, w, k, ox, oy, oz, dx, dy, dz, t)
-            if d >= 0:
-                glow, t = i[at.BODY] + k * at.BODY_SIZE + at.GLOW, d
-        r, g, b = light[m, 0], light[m, 1], light[m, 2]
-        if glow >= 0:
-            r, g, b = f[glow] * math.pi / GATHERED, f[glow + 1] * math.pi / GATHERED, f[glow + 2] * math.pi / GATHERED
+            away = hit_body(f, i, w, k, o, d, t)
+            if away >= 0:
+                body, t = k, away
+        sent = row_of(light, m)
+        if body >= 0:
+            glow = glow_of(f, i, body)
+            sent = glow[0] * math.pi / GATHERED, glow[1] * math.pi / GATHERED, glow[2] * math.pi / GATHERED
         elif panel >= 0:
-            r, g, b = grid_at(f, i, panel, at.FREE, x, y)
-            e = i[at.PANEL] + panel * at.PANEL_SIZE + at.MEAN
-            r, g, b = f[e] * r / GATHERED, f[e + 1] * g / GATHERED, f[e + 2] * b / GATHERED
-        out[at.FREE, 0] += r
-        out[at.FREE, 1] += g
-        out[at.FREE, 2] += b
-        if i[at.BODIES] > 0 and hit_body(f, i, w, 0, ox, oy, oz, dx, dy, dz, t) >= 0:
-            e = i[at.BODY] + at.GLOW
-            r, g, b = f[e] * math.pi / GATHERED, f[e + 1] * math.pi / GATHERED, f[e + 2] * math.pi / GATHERED
-        out[at.SOFT, 0] += r
-        out[at.SOFT, 1] += g
-        out[at.SOFT, 2] += b
+            there = times(vector(f, i[at.PANEL] + panel * at.PANEL_SIZE + at.MEAN), grid_at(f, i, panel, at.FREE, x, y))
+            sent = there[0] / GATHERED, there[1] / GATHERED, there[2] / GATHERED
+        add_to(out, at.FREE, sent)
+        if i[at.BODIES] > 0 and hit_body(f, i, w, 0, o, d, t) >= 0:
+            glow = glow_of(f, i, 0)
+            sent = glow[0] * math.pi / GATHERED, glow[1] * math.pi / GATHERED, glow[2] * math.pi / GATHERED
+        add_to(out, at.SOFT, sent)
     out[at.LIT] = out[at.SOFT]
     for s in range(i[at.SOURCE_COUNT]):
-        free, seen, _ = seen_share(
-            f, i, w, s, ox, oy, oz, nx, ny, nz, SOURCE_RAYS, number, 0.0, i[at.BODIES] > 0, draw, 0, 1
-        )
+        free, seen, _ = seen_share(f, i, w, s, o, n, SOURCE_RAYS, number, 0.0, i[at.BODIES] > 0, draw, 0, 1)
         if free > 0:
-            _, _, _, er, eg, eb, _, _ = toward_source(f, i, s, ox, oy, oz)
-            out[at.FREE, 0] += free * er
-            out[at.FREE, 1] += free * eg
-            out[at.FREE, 2] += free * eb
-            out[at.LIT, 0] += seen * er
-            out[at.LIT, 1] += seen * eg
-            out[at.LIT, 2] += seen * eb
+            _, power, _, _ = toward_source(f, i, s, o)
+            add_to(out, at.FREE, scaled(free, power))
+            add_to(out, at.LIT, scaled(seen, power))
 
 
 @compiled
@@ -144,12 +132,11 @@ def fill_panel(f, i, w, number, step, first, last, ways, light, seed, out, grids
     for row in range(first + step // 2, last, step):
         for column in range(first + step // 2, last, step):
             x, y = panel_point(f, i, number, column - 0.5 * (1 - step % 2), row - 0.5 * (1 - step % 2))
-            ox = f[p + at.ORIGIN] + x * f[p + at.RIGHT] + y * f[p + at.UP] + 1e-4 * f[p + at.NORMAL]
-            oy = f[p + at.ORIGIN + 1] + x * f[p + at.RIGHT + 1] + y * f[p + at.UP + 1] + 1e-4 * f[p + at.NORMAL + 1]
-            oz = f[p + at.ORIGIN + 2] + x * f[p + at.RIGHT + 2] + y * f[p + at.UP + 2] + 1e-4 * f[p + at.NORMAL + 2]
+            o = moved(moved(vector(f, p + at.ORIGIN), x, vector(f, p + at.RIGHT)), y, vector(f, p + at.UP))
+            o = moved(o, 1e-4, vector(f, p + at.NORMAL))
             draw = seed + row * at.GRID_POINTS + column
             s = int(SETS * random(draw))
-            fall_on(f, i, w, number, ox, oy, oz, ways[s], light[s], draw, out)
+            fall_on(f, i, w, number, o, ways[s], light[s], draw, out)
             for k in range(3):
                 for a in range(row - step // 2, min(row - step // 2 + step, last)):
                     for b in range(column - step // 2, min(column - step // 2 + step, last)):
@@ -164,16 +151,14 @@ def light_panels(f, i, w, q, seed):
     out, grids = np.zeros((3, 3), np.float32), np.zeros((count, 3, at.GRID_POINTS, at.GRID_POINTS, 3), np.float32)
     ways, light = np.zeros((count, SETS, GATHERED, 3), np.float32), np.zeros((count, SETS, GATHERED, 3), np.float32)
     for p in range(count):
-        e = i[at.PANEL] + p * at.PANEL_SIZE + at.NORMAL
-        soft_light(i, q, f[e], f[e + 1], f[e + 2], seed, ways[p], light[p])
+        soft_light(i, q, vector(f, i[at.PANEL] + p * at.PANEL_SIZE + at.NORMAL), seed, ways[p], light[p])
     size = 3 * at.GRID_POINTS * at.GRID_POINTS * 3
     if count > 1:
         for p in range(count):
             fill_panel(f, i, w, p, 8, 0, at.GRID_POINTS, ways[p], light[p], seed, out, grids[p])
         for p in range(count):
-            start = i[at.LIGHT] + p * size
-            for n in range(at.GRID_POINTS * at.GRID_POINTS * 3):  # what other panels send is lit with the object there
-                f[start + n] = grids[p, at.LIT].flat[n]
+            start, lit = i[at.LIGHT] + p * size, grids[p, at.LIT].ravel()
+            f[start : start + len(lit)] = lit  # what other panels send is lit with the object there
     for p in range(count):
         fill_panel(f, i, w, p, SPARSE, 0, at.GRID_POINTS, ways[p], light[p], seed + 1 + p, out, grids[p])
     if count:
@@ -183,149 +168,129 @@ def light_panels(f, i, w, q, seed):
             smooth(grids[p, k])
             if p > 0:
                 smooth(grids[p, k])
-    start = i[at.LIGHT]
-    for n in range(grids.size):
-        f[start + n] = grids.flat[n]
+    f[i[at.LIGHT] : i[at.LIGHT] + grids.size] = grids.ravel()
 
 
 @compiled
 def smooth(grid):
     """Blur a grid [GRID_POINTS, GRID_POINTS, 3] by 1 2 1 both ways: the noise of few directions."""
-    old = grid.copy()
-    for a in range(at.GRID_POINTS):
-        for b in range(at.GRID_POINTS):
-            for n in range(3):
-                grid[a, b, n] = 0.25 * (
-                    old[max(a - 1, 0), b, n] + 2 * old[a, b, n] + old[min(a + 1, at.GRID_POINTS - 1), b, n]
-                )
-    old = grid.copy()
-    for a in range(at.GRID_POINTS):
-        for b in range(at.GRID_POINTS):
-            for n in range(3):
-                grid[a, b, n] = 0.25 * (
-                    old[a, max(b - 1, 0), n] + 2 * old[a, b, n] + old[a, min(b + 1, at.GRID_POINTS - 1), n]
-                )
+    for down, right in ((1, 0), (0, 1)):
+        old, last = grid.copy(), at.GRID_POINTS - 1
+        for a in range(at.GRID_POINTS):
+            for b in range(at.GRID_POINTS):
+                for n in range(3):
+                    before, after = (
+                        old[max(a - down, 0), max(b - right, 0), n],
+                        old[min(a + down, last), min(b + right, last), n],
+                    )
+                    grid[a, b, n] = 0.25 * (before + 2 * old[a, b, n] + after)
 
 
 @compiled
-def diffuse_of(f, i, q, number, kind, x, y, px, py, pz):
-    """Return the radiance that a panel reflects evenly at x, y on it, which is p in the world, by one of its grids."""
-    er, eg, eb = grid_at(f, i, number, kind, x, y)
-    ar, ag, ab = albedo_at(f, i, q, number, x, y, px, py, pz)
-    return ar * er / math.pi, ag * eg / math.pi, ab * eb / math.pi
+def diffuse_of(f, i, q, number, kind, x, y, place):
+    """Return the radiance that a panel reflects evenly at x, y on it, a place in the world, by one of its grids."""
+    sent = times(albedo_at(f, i, q, number, x, y, place), grid_at(f, i, number, kind, x, y))
+    return sent[0] / math.pi, sent[1] / math.pi, sent[2] / math.pi
 
 
 @compiled
-def coat_along(f, i, q, number, kind, part, px, py, pz, dx, dy, dz):
-    """Return the radiance that a panel's coat at p mirrors to where d comes from: one look at a level of the sky as
-    wide as the lobe, or at another panel. part: FULL or REST.
+def coat_along(f, i, q, number, kind, part, place, d):
+    """Return the radiance that a panel's coat at a place mirrors to where d comes from: one look at a level of the sky
+    as wide as the lobe, or at another panel. part: FULL or REST.
 
     The coat's share of light f0 A + B is Karis' fit ("Physically Based Shading on Mobile", 2014).
     """
     p = i[at.PANEL] + number * at.PANEL_SIZE
-    f0, alpha = f[p + at.F0], f[p + at.COAT_ALPHA]
-    slope = f[p + at.NORMAL] * dx + f[p + at.NORMAL + 1] * dy + f[p + at.NORMAL + 2] * dz
+    f0, alpha, normal = f[p + at.F0], f[p + at.COAT_ALPHA], vector(f, p + at.NORMAL)
+    slope = dot(normal, d)
     if f0 <= 0 or slope >= 0:
         return 0.0, 0.0, 0.0
     rough = math.sqrt(alpha)
     rx, ry, rz, rw = 1 - rough, 0.0425 - 0.0275 * rough, 1.04 - 0.572 * rough, 0.022 * rough - 0.04
     a = min(rx * rx, math.exp(6.4324 * slope)) * rx + ry
     share = f0 * (rz - 1.04 * a) + rw + 1.04 * a
-    mx = dx - 2 * slope * f[p + at.NORMAL]
-    my = dy - 2 * slope * f[p + at.NORMAL + 1]
-    mz = dz - 2 * slope * f[p + at.NORMAL + 2]
-    other, t, u, v = hit_panel(f, i, px, py, pz, mx, my, mz, FAR_AWAY, number)
+    mirrored = moved(d, -2 * slope, normal)
+    other, t, u, v = hit_panel(f, i, place, mirrored, FAR_AWAY, number)
     if other >= 0:
-        r, g, b = diffuse_of(f, i, q, other, kind, u, v, px + t * mx, py + t * my, pz + t * mz)
-    else:
-        wide = alpha * i[at.SKY_ROWS] / math.pi
-        r, g, b = sky_at(i, q, part, level_of(wide * wide, i[at.SKY_ROWS]), mx, my, mz)
-    return share * r, share * g, share * b
+        return scaled(share, diffuse_of(f, i, q, other, kind, u, v, moved(place, t, mirrored)))
+    wide = alpha * i[at.SKY_ROWS] / math.pi
+    return scaled(share, sky_at(i, q, part, level_of(wide * wide, i[at.SKY_ROWS]), mirrored))
 
 
 @compiled
-def panel_along(f, i, q, number, kind, x, y, px, py, pz, dx, dy, dz):
-    """Return the radiance of a panel at x, y on it, p in the world, seen along d, by one of its grids."""
-    r, g, b = diffuse_of(f, i, q, number, kind, x, y, px, py, pz)
+def panel_along(f, i, q, number, kind, x, y, place, d):
+    """Return the radiance of a panel at x, y on it, a place in the world, seen along d, by one of its grids."""
+    base = diffuse_of(f, i, q, number, kind, x, y, place)
     f0 = f[i[at.PANEL] + number * at.PANEL_SIZE + at.F0]
     if f0 <= 0:
-        return r, g, b
-    cr, cg, cb = coat_along(f, i, q, number, kind, FULL, px, py, pz, dx, dy, dz)
-    return (1 - f0) * r + cr, (1 - f0) * g + cg, (1 - f0) * b + cb
+        return base
+    return moved(coat_along(f, i, q, number, kind, FULL, place, d), 1 - f0, base)
 
 
 @compiled
-def lamp_along(f, i, ox, oy, oz, dx, dy, dz, most):
+def lamp_along(f, i, o, d, most):
     """Return the number of the glowing ball that a ray meets before `most`, or -1."""
     for number in range(i[at.SOURCE_COUNT]):
         s = i[at.SOURCE] + number * at.SOURCE_SIZE
         if f[s + at.IS_BALL] > 0:
-            x, y, z = f[s + at.AT] - ox, f[s + at.AT + 1] - oy, f[s + at.AT + 2] - oz
-            along = x * dx + y * dy + z * dz
-            across = x * x + y * y + z * z - along * along
-            if 0 < along < most and across < f[s + at.RADIUS] * f[s + at.RADIUS]:
+            away = minus(vector(f, s + at.AT), o)
+            along = dot(away, d)
+            if 0 < along < most and dot(away, away) - along * along < f[s + at.RADIUS] * f[s + at.RADIUS]:
                 return number
     return -1
 
 
 @compiled
-def mirrored_along(f, i, w, q, ox, oy, oz, dx, dy, dz, level):
+def mirrored_along(f, i, w, q, o, d, level):
     """Return radiance along a ray past the object and without sources: other bodies' glow, panels as lit, the sky."""
-    p, t, x, y = hit_panel(f, i, ox, oy, oz, dx, dy, dz, FAR_AWAY, -1)
-    for k in range(1, i[at.BODIES]):
-        if hit_body(f, i, w, k, ox, oy, oz, dx, dy, dz, t) >= 0:
-            g = i[at.BODY] + k * at.BODY_SIZE + at.GLOW
-            return f[g], f[g + 1], f[g + 2]
+    p, t, x, y = hit_panel(f, i, o, d, FAR_AWAY, -1)
+    body = first_hit(f, i, w, 1, o, d, t)
+    if body >= 0:
+        return glow_of(f, i, body)
     if p >= 0:
-        return panel_along(f, i, q, p, at.LIT, x, y, ox + t * dx, oy + t * dy, oz + t * dz, dx, dy, dz)
-    return sky_at(i, q, REST, level, dx, dy, dz)
+        return panel_along(f, i, q, p, at.LIT, x, y, moved(o, t, d), d)
+    return sky_at(i, q, REST, level, d)
 
 
 @compiled
-def seen_without(f, i, w, q, ox, oy, oz, dx, dy, dz, level):
+def seen_without(f, i, w, q, o, d, level):
     """Return radiance along a ray with the object away: lamps, other bodies' glow, panels, and the sky; a map's own
     ground is the map."""
-    p, t, x, y = hit_panel(f, i, ox, oy, oz, dx, dy, dz, FAR_AWAY, -1)
-    for k in range(1, i[at.BODIES]):
-        d = hit_body(f, i, w, k, ox, oy, oz, dx, dy, dz, t)
-        if d >= 0:
-            g = i[at.BODY] + k * at.BODY_SIZE + at.GLOW
-            return f[g], f[g + 1], f[g + 2]
-    s = lamp_along(f, i, ox, oy, oz, dx, dy, dz, t)
-    if s >= 0:
-        s = i[at.SOURCE] + s * at.SOURCE_SIZE + at.POWER
-        return f[s], f[s + 1], f[s + 2]
+    p, t, x, y = hit_panel(f, i, o, d, FAR_AWAY, -1)
+    body = first_hit(f, i, w, 1, o, d, t)
+    if body >= 0:
+        return glow_of(f, i, body)
+    lamp = lamp_along(f, i, o, d, t)
+    if lamp >= 0:
+        return vector(f, i[at.SOURCE] + lamp * at.SOURCE_SIZE + at.POWER)
     if p >= 0 and f[i[at.PANEL] + p * at.PANEL_SIZE + at.GROUND] == 0:
-        return panel_along(f, i, q, p, at.FREE, x, y, ox + t * dx, oy + t * dy, oz + t * dz, dx, dy, dz)
-    return sky_at(i, q, FULL, level, dx, dy, dz)
+        return panel_along(f, i, q, p, at.FREE, x, y, moved(o, t, d), d)
+    return sky_at(i, q, FULL, level, d)
 
 
 @compiled
-def probe_map(f, i, w, q, cx, cy, cz, camera, rows):
-    """Return what a probe at c sees with the object away, [rows, 2 rows, 3] in the frame world_from_camera [3, 3]: the
-    mean of two points of each pixel, of four where they differ."""
+def probe_map(f, i, w, q, center, camera, rows):
+    """Return what a probe at a place sees with the object away, [rows, 2 rows, 3] in the frame world_from_camera
+    [3, 3]: the mean of two points of each pixel, of four where they differ."""
     out = np.zeros((rows, 2 * rows, 3), np.float32)
     turn = (np.arange(4 * rows) + 0.5) / (2 * rows) * math.pi
     sine, cosine = np.sin(turn), np.cos(turn)
     for row in range(rows):
+        line = out[row]
         for column in range(2 * rows):
             count, first, last = 0, 0.0, 0.0
             while count < 4:
                 if count == 2 and abs(first - last) < PROBE_EVEN * (first + last):
                     break
                 a, b = two_by_two(count)
-                flat, y = sine[2 * row + a], cosine[2 * row + a]
-                x, z = -flat * sine[2 * column + b], flat * cosine[2 * column + b]
-                dx = camera[0, 0] * x + camera[0, 1] * y + camera[0, 2] * z
-                dy = camera[1, 0] * x + camera[1, 1] * y + camera[1, 2] * z
-                dz = camera[2, 0] * x + camera[2, 1] * y + camera[2, 2] * z
-                lr, lg, lb = seen_without(f, i, w, q, cx, cy, cz, dx, dy, dz, 1)
-                out[row, column, 0] += lr
-                out[row, column, 1] += lg
-                out[row, column, 2] += lb
-                first, last, count = last, lr + lg + lb, count + 1
+                flat = sine[2 * row + a]
+                way = -flat * sine[2 * column + b], cosine[2 * row + a], flat * cosine[2 * column + b]
+                d = dot(row_of(camera, 0), way), dot(row_of(camera, 1), way), dot(row_of(camera, 2), way)
+                light = seen_without(f, i, w, q, center, d, 1)
+                add_to(line, column, light)
+                first, last, count = last, light[0] + light[1] + light[2], count + 1
             for n in range(3):
-                out[row, column, n] /= count
+                line[column, n] /= count
     return out
 
 

@@ -147,7 +147,7 @@ def see_object(
     numbers, places, _, texels = scene
     start = places[TEXELS] + 8 * (places[SKY_ROWS] ** 2 - CELL_ROWS**2) // 3
     sky = weights @ texels[start : start + 2 * CELL_ROWS**2]
-    seen = seen_along(numbers, places, texels, directions, *center, sky)
+    seen = seen_along(numbers, places, texels, directions, tuple(center), sky)
     half = SEEN_PX // COARSE
     place, first, which = np.unique((rows // half) * COARSE + columns // half, return_index=True, return_inverse=True)
     ratio = np.zeros((len(first), 3), np.float32)

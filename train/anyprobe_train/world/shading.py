@@ -11,7 +11,7 @@ from anyprobe_train.world.hits import (
     REST,
     albedo_at,
     angle_of,
-    basis,
+    glow_of,
     grid_at,
     hit_body,
     hit_panel,
@@ -23,6 +23,7 @@ from anyprobe_train.world.hits import (
 )
 from anyprobe_train.world.kernels import coat_along, diffuse_of, lamp_along, mirrored_along, seen_share, two_by_two
 from anyprobe_train.world.march import compiled
+from anyprobe_train.world.vectors import add_to, basis, dot, minus, mixed, moved, row_of, scaled, times, unit, vector
 from anyprobe_train.world.views import VIEW_AZIMUTHS, VIEW_RINGS
 
 OWN = 0.055
@@ -38,14 +39,14 @@ WIDENED = 0.19
 
 
 @compiled
-def seen_along(f, i, q, directions, cx, cy, cz, sky):
-    """Return what c sees along directions [C, 3] on panels without the object, else sky [C, 3]."""
+def seen_along(f, i, q, directions, center, sky):
+    """Return what a place sees along directions [C, 3] on panels without the object, else sky [C, 3]."""
     seen = sky.copy()
     for c in range(len(directions)):
-        dx, dy, dz = directions[c, 0], directions[c, 1], directions[c, 2]
-        p, t, x, y = hit_panel(f, i, cx, cy, cz, dx, dy, dz, FAR_AWAY, -1)
+        d = row_of(directions, c)
+        p, t, x, y = hit_panel(f, i, center, d, FAR_AWAY, -1)
         if p >= 0:
-            seen[c] = diffuse_of(f, i, q, p, at.FREE, x, y, cx + t * dx, cy + t * dy, cz + t * dz)
+            seen[c] = diffuse_of(f, i, q, p, at.FREE, x, y, moved(center, t, d))
     return seen
 
 
@@ -53,65 +54,53 @@ def seen_along(f, i, q, directions, cx, cy, cz, sky):
 def received(f, i, w, q, points, normals, bits, directions, sky, seen, out):
     """Fill out [N, 3] with the soft light that falls on points of the object over that of `seen` without it in the
     way. bits: [N, 2] uint64, cells that the object hides from each."""
-    glow = i[at.BODY] + at.GLOW
     for k in range(len(points)):
-        nx, ny, nz = normals[k, 0], normals[k, 1], normals[k, 2]
-        px, py, pz = points[k, 0] + OWN * nx, points[k, 1] + OWN * ny, points[k, 2] + OWN * nz
-        d0 = d1 = d2 = u0 = u1 = u2 = 1e-9
+        n = row_of(normals, k)
+        o = moved(row_of(points, k), OWN, n)
+        lit = free = 1e-9, 1e-9, 1e-9
         for c in range(len(directions)):
-            dx, dy, dz = directions[c, 0], directions[c, 1], directions[c, 2]
-            cosine = nx * dx + ny * dy + nz * dz
+            d = row_of(directions, c)
+            cosine = dot(n, d)
             if cosine <= 0:
                 continue
-            u0 += cosine * seen[c, 0]
-            u1 += cosine * seen[c, 1]
-            u2 += cosine * seen[c, 2]
+            free = moved(free, cosine, row_of(seen, c))
             if (bits[k, c >> 6] >> np.uint64(c & 63)) & np.uint64(1):
-                r, g, b = f[glow], f[glow + 1], f[glow + 2]
+                light = glow_of(f, i, 0)
             else:
-                p, t, x, y = hit_panel(f, i, px, py, pz, dx, dy, dz, FAR_AWAY, -1)
-                hidden = -1
+                p, t, x, y = hit_panel(f, i, o, d, FAR_AWAY, -1)
+                body = -1
                 for m in range(1, i[at.BODIES]):
-                    if hit_body(f, i, w, m, px, py, pz, dx, dy, dz, t) >= 0:
-                        hidden = m
-                if hidden > 0:
-                    e = i[at.BODY] + hidden * at.BODY_SIZE + at.GLOW
-                    r, g, b = f[e], f[e + 1], f[e + 2]
+                    if hit_body(f, i, w, m, o, d, t) >= 0:
+                        body = m
+                if body > 0:
+                    light = glow_of(f, i, body)
                 elif p >= 0 and f[i[at.PANEL] + p * at.PANEL_SIZE + at.GROUND] > 0:
-                    r, g, b = diffuse_of(f, i, q, p, at.LIT, x, y, px + t * dx, py + t * dy, pz + t * dz)
+                    light = diffuse_of(f, i, q, p, at.LIT, x, y, moved(o, t, d))
                 elif p >= 0:
-                    r, g, b = grid_at(f, i, p, at.LIT, x, y)
-                    e = i[at.PANEL] + p * at.PANEL_SIZE + at.MEAN
-                    r, g, b = r * f[e] / math.pi, g * f[e + 1] / math.pi, b * f[e + 2] / math.pi
+                    there = times(grid_at(f, i, p, at.LIT, x, y), vector(f, i[at.PANEL] + p * at.PANEL_SIZE + at.MEAN))
+                    light = there[0] / math.pi, there[1] / math.pi, there[2] / math.pi
                 else:
-                    r, g, b = sky[c, 0], sky[c, 1], sky[c, 2]
-            d0 += cosine * r
-            d1 += cosine * g
-            d2 += cosine * b
-        out[k, 0], out[k, 1], out[k, 2] = min(d0 / u0, 8.0), min(d1 / u1, 8.0), min(d2 / u2, 8.0)
+                    light = row_of(sky, c)
+            lit = moved(lit, cosine, light)
+        out[k] = min(lit[0] / free[0], 8.0), min(lit[1] / free[1], 8.0), min(lit[2] / free[2], 8.0)
 
 
 @compiled
-def visible_normal(wx, wy, wz, alpha, p, s):
+def visible_normal(wo, alpha, p, s):
     """Return a half vector by the normals that wo [local, z up] sees, for a point of the unit disc (Heitz, JCGT
     2018)."""
-    vx, vy, vz = alpha * wx, alpha * wy, wz
-    length = math.sqrt(vx * vx + vy * vy + vz * vz)
-    vx, vy, vz = vx / length, vy / length, vz / length
-    across = vx * vx + vy * vy
+    v = unit((alpha * wo[0], alpha * wo[1], wo[2]))
+    across = v[0] * v[0] + v[1] * v[1]
     if across > 1e-12:
         root = 1.0 / math.sqrt(across)
-        t1x, t1y, t1z = -vy * root, vx * root, 0.0
+        t = -v[1] * root, v[0] * root, 0.0
     else:
-        t1x, t1y, t1z = 1.0, 0.0, 0.0
-    t2x, t2y, t2z = vy * t1z - vz * t1y, vz * t1x - vx * t1z, vx * t1y - vy * t1x
-    half = 0.5 * (1 + vz)
+        t = 1.0, 0.0, 0.0
+    u = v[1] * t[2] - v[2] * t[1], v[2] * t[0] - v[0] * t[2], v[0] * t[1] - v[1] * t[0]
+    half = 0.5 * (1 + v[2])
     s = (1 - half) * math.sqrt(max(1 - p * p, 0.0)) + half * s
-    h = math.sqrt(max(1 - p * p - s * s, 0.0))
-    nx, ny, nz = p * t1x + s * t2x + h * vx, p * t1y + s * t2y + h * vy, p * t1z + s * t2z + h * vz
-    nx, ny, nz = alpha * nx, alpha * ny, max(nz, 1e-6)
-    length = math.sqrt(nx * nx + ny * ny + nz * nz)
-    return nx / length, ny / length, nz / length
+    n = mixed(p, s, math.sqrt(max(1 - p * p - s * s, 0.0)), t, u, v)
+    return unit((alpha * n[0], alpha * n[1], max(n[2], 1e-6)))
 
 
 @compiled
@@ -130,72 +119,65 @@ def visibility(no, ni, alpha):
 
 
 @compiled
-def from_source(f, i, s, ox, oy, oz, nx, ny, nz, wx, wy, wz, alpha):
-    """Return irradiance on what faces source s, what a point's coat sends of it to wo for f0 = 1, that times Schlick's
-    weight, and the weight."""
-    lx, ly, lz, er, eg, eb, tangent, _ = toward_source(f, i, s, ox, oy, oz)
-    ni, no = lx * nx + ly * ny + lz * nz, max(wx * nx + wy * ny + wz * nz, 1e-3)
-    hx, hy, hz = lx + wx, ly + wy, lz + wz
-    length = math.sqrt(hx * hx + hy * hy + hz * hz) + 1e-9
-    nh = min((hx * nx + hy * ny + hz * nz) / length, 1.0)
-    m = 1 - min((hx * wx + hy * wy + hz * wz) / length, 1.0)
+def from_source(f, i, s, o, n, wo, alpha):
+    """Return irradiance [3] on what faces source s, what a point's coat sends of it to wo for f0 = 1, that times
+    Schlick's weight, and the weight."""
+    to, power, tangent, _ = toward_source(f, i, s, o)
+    ni, no = dot(to, n), max(dot(wo, n), 1e-3)
+    h = moved(to, 1.0, wo)
+    length = math.sqrt(dot(h, h)) + 1e-9
+    m = 1 - min(dot(h, wo) / length, 1.0)
     schlick = m * m * m * m * m
     if alpha < 0.5 * tangent:  # a disc is seen as such
-        rx, ry, rz = 2 * no * nx - wx, 2 * no * ny - wy, 2 * no * nz - wz
-        away = math.acos(min(max(rx * lx + ry * ly + rz * lz, -1.0), 1.0))
+        away = math.acos(min(max(dot(minus(scaled(2 * no, n), wo), to), -1.0), 1.0))
         share = min(max((math.atan(tangent) - away) / max(2 * alpha, 0.03) + 0.5, 0.0), 1.0)
         one = share / (math.pi * tangent * tangent)
     elif ni > 0:
         wide = math.sqrt(alpha * alpha + WIDENED * tangent * tangent)
-        one = distribution(nh, wide) * visibility(no, max(ni, 1e-4), alpha) * ni
+        one = distribution(min(dot(h, n) / length, 1.0), wide) * visibility(no, max(ni, 1e-4), alpha) * ni
     else:
         one = 0.0
-    return er, eg, eb, one, one * schlick, schlick
+    return power, one, one * schlick, schlick
 
 
 @compiled
-def mirrored(f, i, w, q, ox, oy, oz, nx, ny, nz, wx, wy, wz, alpha, samples, near, draw):
+def mirrored(f, i, w, q, o, n, wo, alpha, samples, near, draw):
     """Return the light of all but sources that the coat of a point mirrors, for f0 = 1 [3], and that times Schlick's
     weight [3]. near: see shade_object; draw: the point's number, by which rays are drawn."""
-    tx, ty, tz, ux, uy, uz = basis(nx, ny, nz)
-    lx, ly = wx * tx + wy * ty + wz * tz, wx * ux + wy * uy + wz * uz
-    no = max(wx * nx + wy * ny + wz * nz, 1e-3)
-    px, py, pz = ox + OWN * nx, oy + OWN * ny, oz + OWN * nz
-    r1 = g1 = b1 = rs = gs = bs = 0.0
+    t, u = basis(n)
+    no = max(dot(wo, n), 1e-3)
+    local = dot(wo, t), dot(wo, u), no
+    start = moved(o, OWN, n)
+    whole = grazing = 0.0, 0.0, 0.0
     a2 = alpha * alpha
     g1o = 2 * no / (no + math.sqrt(a2 + (1 - a2) * no * no))
     for k in range(samples):
         a, b = in_disc(draw, k, samples)
-        hx, hy, hz = visible_normal(lx, ly, no, alpha, a, b)
-        oh = max(lx * hx + ly * hy + no * hz, 1e-6)
-        ix, iy, iz = 2 * oh * hx - lx, 2 * oh * hy - ly, 2 * oh * hz - no
+        h = visible_normal(local, alpha, a, b)
+        oh = max(dot(local, h), 1e-6)
+        ix, iy, iz = minus(scaled(2 * oh, h), local)
         if iz <= 1e-4:
             continue
         weight = 4 * visibility(no, iz, alpha) * no * iz / g1o  # G / G1
-        solid = 4 * no / (samples * max(distribution(hz, alpha) * g1o, 1e-9))
+        solid = 4 * no / (samples * max(distribution(h[2], alpha) * g1o, 1e-9))
         level = level_of(solid * i[at.SKY_ROWS] * i[at.SKY_ROWS] / (2 * math.pi), i[at.SKY_ROWS])
-        dx, dy, dz = ix * tx + iy * ux + iz * nx, ix * ty + iy * uy + iz * ny, ix * tz + iy * uz + iz * nz
-        if near[cell_of(dx, dy, dz)] and hit_body(f, i, w, 0, px, py, pz, dx, dy, dz, FAR_AWAY) >= 0:
-            e = i[at.BODY] + at.GLOW
-            r, g, c = f[e], f[e + 1], f[e + 2]
+        d = mixed(ix, iy, iz, t, u, n)
+        if near[cell_of(d)] and hit_body(f, i, w, 0, start, d, FAR_AWAY) >= 0:
+            light = glow_of(f, i, 0)
         else:
-            r, g, c = mirrored_along(f, i, w, q, px, py, pz, dx, dy, dz, level)
+            light = mirrored_along(f, i, w, q, start, d, level)
         m = 1 - oh
-        s = weight * m * m * m * m * m
-        r1 += weight * r
-        g1 += weight * g
-        b1 += weight * c
-        rs += s * r
-        gs += s * g
-        bs += s * c
-    return r1 / samples, g1 / samples, b1 / samples, rs / samples, gs / samples, bs / samples
+        whole = moved(whole, weight, light)
+        grazing = moved(grazing, weight * m * m * m * m * m, light)
+    return scaled(1 / samples, whole), scaled(1 / samples, grazing)
 
 
 @compiled
-def cell_of(x, y, z):
+def cell_of(d):
     """Return the number of the cell (views.cell_middles) that a unit direction lies in."""
-    ring = min(int((y + 1) * (VIEW_RINGS / 2)), VIEW_RINGS - 1)
-    return ring * VIEW_AZIMUTHS + (int(math.floor(angle_of(x, -z) * (VIEW_AZIMUTHS / 2 / math.pi))) & VIEW_AZIMUTHS - 1)
+    ring = min(int((d[1] + 1) * (VIEW_RINGS / 2)), VIEW_RINGS - 1)
+    turn = angle_of(d[0], -d[2]) * (VIEW_AZIMUTHS / 2 / math.pi)
+    return ring * VIEW_AZIMUTHS + (int(math.floor(turn)) & VIEW_AZIMUTHS - 1)
 
 
 @compiled
@@ -204,37 +186,26 @@ def shade_object(f, i, w, q, points, normals, soft, albedo, f0, alpha, samples, 
     all but sources; albedo, f0: [N, 3]; near: [P, cells] bool, whether the object hides a cell or one beside it from
     points of places [N]."""
     for k in range(len(points)):
-        ox, oy, oz = points[k, 0], points[k, 1], points[k, 2]
-        nx, ny, nz = normals[k, 0], normals[k, 1], normals[k, 2]
-        wx, wy, wz = f[at.EYE] - ox, f[at.EYE + 1] - oy, f[at.EYE + 2] - oz
-        length = 1 / math.sqrt(wx * wx + wy * wy + wz * wz)
-        wx, wy, wz = wx * length, wy * length, wz * length
-        e0, e1, e2 = soft[k, 0], soft[k, 1], soft[k, 2]
-        hidden = near[place[k]]
-        m = mirrored(f, i, w, q, ox, oy, oz, nx, ny, nz, wx, wy, wz, alpha, samples, hidden, seed + k)
-        s0 = s1 = s2 = g0 = g1 = g2 = 0.0
+        o, n = row_of(points, k), row_of(normals, k)
+        wo = minus(vector(f, at.EYE), o)
+        wo = scaled(1 / math.sqrt(dot(wo, wo)), wo)
+        base, hidden = row_of(soft, k), near[place[k]]
+        whole, grazing = mirrored(f, i, w, q, o, n, wo, alpha, samples, hidden, seed + k)
+        own = flat = 0.0, 0.0, 0.0
         for s in range(i[at.SOURCE_COUNT]):
-            lx, ly, lz, _, _, _, tangent, _ = toward_source(f, i, s, ox, oy, oz)
-            hides = tangent > CELL_TANGENT or hidden[cell_of(lx, ly, lz)]
-            few = rays if hides or lx * nx + ly * ny + lz * nz < tangent else 1
-            _, cosine, share = seen_share(f, i, w, s, ox, oy, oz, nx, ny, nz, few, -1, OWN, hides, seed + k, 0, 1)
+            to, _, tangent, _ = toward_source(f, i, s, o)
+            hides = tangent > CELL_TANGENT or hidden[cell_of(to)]
+            few = rays if hides or dot(to, n) < tangent else 1
+            _, cosine, share = seen_share(f, i, w, s, o, n, few, -1, OWN, hides, seed + k, 0, 1)
             if share <= 0:
                 continue
-            er, eg, eb, one, grazing, schlick = from_source(f, i, s, ox, oy, oz, nx, ny, nz, wx, wy, wz, alpha)
-            through = cosine * (1 - schlick)
-            e0 += er * through
-            e1 += eg * through
-            e2 += eb * through
-            er, eg, eb = er * share, eg * share, eb * share
-            s0 += er * one
-            s1 += eg * one
-            s2 += eb * one
-            g0 += er * grazing
-            g1 += eg * grazing
-            g2 += eb * grazing
-        out[k, 0] = f0[k, 0] * (m[0] + s0) + (1 - f0[k, 0]) * (m[3] + g0 + albedo[k, 0] * e0 / math.pi)
-        out[k, 1] = f0[k, 1] * (m[1] + s1) + (1 - f0[k, 1]) * (m[4] + g1 + albedo[k, 1] * e1 / math.pi)
-        out[k, 2] = f0[k, 2] * (m[2] + s2) + (1 - f0[k, 2]) * (m[5] + g2 + albedo[k, 2] * e2 / math.pi)
+            power, one, steep, schlick = from_source(f, i, s, o, n, wo, alpha)
+            base = moved(base, cosine * (1 - schlick), power)
+            power = scaled(share, power)
+            own, flat = moved(own, one, power), moved(flat, steep, power)
+        for c in range(3):
+            coat = f0[k, c] * (whole[c] + own[c])
+            out[k, c] = coat + (1 - f0[k, c]) * (grazing[c] + flat[c] + albedo[k, c] * base[c] / math.pi)
 
 
 @compiled
@@ -245,10 +216,10 @@ def picture(f, i, w, q, camera, tangent, wanted, view, tan_half, radiance, cover
     camera: world_from_camera [3, 3]. view [3, 3], tan_half, radiance [V, V, 3], cover [V, V]: the object as it is seen,
     for coats that mirror it.
     """
-    size = len(wanted)
+    size, eye = len(wanted), vector(f, at.EYE)
     out = np.zeros((size, size, 3), np.float32)
-    ex, ey, ez = f[at.EYE], f[at.EYE + 1], f[at.EYE + 2]
     for row in range(size):
+        line = out[row]
         for column in range(size):
             count, first, last = 0, 0.0, 0.0
             while wanted[row, column] and count < 4:
@@ -256,107 +227,79 @@ def picture(f, i, w, q, camera, tangent, wanted, view, tan_half, radiance, cover
                     break
                 a, b = two_by_two(count)
                 draw = seed + row * size + column
-                scaled = 1024 * random(4 * draw + count)
-                x = ((2 * column + b + int(scaled) / 1024) / size - 1) * tangent
-                y = (1 - (2 * row + a + scaled - int(scaled)) / size) * tangent
-                length = 1 / math.sqrt(x * x + y * y + 1)
-                dx = (camera[0, 0] * x + camera[0, 1] * y - camera[0, 2]) * length
-                dy = (camera[1, 0] * x + camera[1, 1] * y - camera[1, 2]) * length
-                dz = (camera[2, 0] * x + camera[2, 1] * y - camera[2, 2]) * length
-                p, t, u, v = hit_panel(f, i, ex, ey, ez, dx, dy, dz, FAR_AWAY, -1)
-                lamp = lamp_along(f, i, ex, ey, ez, dx, dy, dz, t)
+                scale = 1024 * random(4 * draw + count)
+                x = ((2 * column + b + int(scale) / 1024) / size - 1) * tangent
+                y = (1 - (2 * row + a + scale - int(scale)) / size) * tangent
+                way = x, y, -1.0
+                d = dot(row_of(camera, 0), way), dot(row_of(camera, 1), way), dot(row_of(camera, 2), way)
+                d = scaled(1 / math.sqrt(x * x + y * y + 1), d)
+                p, t, u, v = hit_panel(f, i, eye, d, FAR_AWAY, -1)
+                lamp = lamp_along(f, i, eye, d, t)
                 if lamp >= 0:
-                    e = i[at.SOURCE] + lamp * at.SOURCE_SIZE + at.POWER
-                    r, g, c = f[e], f[e + 1], f[e + 2]
+                    light = vector(f, i[at.SOURCE] + lamp * at.SOURCE_SIZE + at.POWER)
                 elif p < 0:
-                    r, g, c = sky_at(i, q, FULL, 0, dx, dy, dz)
+                    light = sky_at(i, q, FULL, 0, d)
                 else:
-                    r, g, c = panel_seen(
-                        f, i, w, q, p, t, u, v, dx, dy, dz, view, tan_half, radiance, cover, draw, count
-                    )
-                out[row, column, 0] += r
-                out[row, column, 1] += g
-                out[row, column, 2] += c
-                first, last, count = last, r + g + c, count + 1
+                    light = panel_seen(f, i, w, q, p, t, u, v, d, view, tan_half, radiance, cover, draw, count)
+                add_to(line, column, light)
+                first, last, count = last, light[0] + light[1] + light[2], count + 1
             for n in range(3):
-                out[row, column, n] /= max(count, 1)
+                line[column, n] /= max(count, 1)
     return out
 
 
 @compiled
-def panel_seen(f, i, w, q, number, t, u, v, dx, dy, dz, view, tan_half, radiance, cover, draw, part):
+def panel_seen(f, i, w, q, number, t, u, v, d, view, tan_half, radiance, cover, draw, part):
     """Return the radiance of a panel at u, v on it, t along a ray from the eye: with the object, exact shadows of
     sources, and its coat. draw: number of the pixel, by which rays are drawn; part: which of its four points it is."""
     p = i[at.PANEL] + number * at.PANEL_SIZE
-    nx, ny, nz = f[p + at.NORMAL], f[p + at.NORMAL + 1], f[p + at.NORMAL + 2]
-    qx, qy, qz = f[at.EYE] + t * dx + 1e-4 * nx, f[at.EYE + 1] + t * dy + 1e-4 * ny, f[at.EYE + 2] + t * dz + 1e-4 * nz
-    e0, e1, e2 = grid_at(f, i, number, at.SOFT, u, v)
-    s0 = s1 = s2 = g0 = g1 = g2 = 0.0
+    n = vector(f, p + at.NORMAL)
+    o = moved(moved(vector(f, at.EYE), t, d), 1e-4, n)
+    fallen = grid_at(f, i, number, at.SOFT, u, v)
+    own = grazing = 0.0, 0.0, 0.0
     f0, alpha = f[p + at.F0], f[p + at.COAT_ALPHA]
     for s in range(i[at.SOURCE_COUNT]):
-        _, cosine, share = seen_share(
-            f, i, w, s, qx, qy, qz, nx, ny, nz, 1, number, 0.0, i[at.BODIES] > 0, draw, part, 4
-        )
+        _, cosine, share = seen_share(f, i, w, s, o, n, 1, number, 0.0, i[at.BODIES] > 0, draw, part, 4)
         if share <= 0:
             continue
-        _, _, _, er, eg, eb, _, _ = toward_source(f, i, s, qx, qy, qz)
-        e0 += er * cosine
-        e1 += eg * cosine
-        e2 += eb * cosine
+        power, one, steep, _ = from_source(f, i, s, o, n, scaled(-1.0, d), alpha)
+        fallen = moved(fallen, cosine, power)
         if f0 > 0:
-            _, _, _, one, grazing, _ = from_source(f, i, s, qx, qy, qz, nx, ny, nz, -dx, -dy, -dz, alpha)
-            s0 += er * share * one
-            s1 += eg * share * one
-            s2 += eb * share * one
-            g0 += er * share * grazing
-            g1 += eg * share * grazing
-            g2 += eb * share * grazing
+            power = scaled(share, power)
+            own, grazing = moved(own, one, power), moved(grazing, steep, power)
     if f[p + at.GROUND] > 0:
         far = max(abs(u), abs(v)) / f[p + at.HALF]
         fade = min(max((1 - far) / 0.25, 0.0), 1.0)
-        fr, fg, fb = grid_at(f, i, number, at.FREE, u, v)
-        r, g, b = sky_at(i, q, FULL, 0, dx, dy, dz)
+        free, light = grid_at(f, i, number, at.FREE, u, v), sky_at(i, q, FULL, 0, d)
         return (
-            r * (1 + fade * (min(e0 / max(fr, 1e-6), MOST_RATIO) - 1)),
-            g * (1 + fade * (min(e1 / max(fg, 1e-6), MOST_RATIO) - 1)),
-            b * (1 + fade * (min(e2 / max(fb, 1e-6), MOST_RATIO) - 1)),
+            light[0] * (1 + fade * (min(fallen[0] / max(free[0], 1e-6), MOST_RATIO) - 1)),
+            light[1] * (1 + fade * (min(fallen[1] / max(free[1], 1e-6), MOST_RATIO) - 1)),
+            light[2] * (1 + fade * (min(fallen[2] / max(free[2], 1e-6), MOST_RATIO) - 1)),
         )
-    ar, ag, ab = albedo_at(f, i, q, number, u, v, qx, qy, qz)
-    r, g, b = (1 - f0) * ar * e0 / math.pi, (1 - f0) * ag * e1 / math.pi, (1 - f0) * ab * e2 / math.pi
+    shown = scaled((1 - f0) / math.pi, times(albedo_at(f, i, q, number, u, v, o), fallen))
     if f0 <= 0:
-        return r, g, b
-    r, g, b = r + f0 * s0 + (1 - f0) * g0, g + f0 * s1 + (1 - f0) * g1, b + f0 * s2 + (1 - f0) * g2
-    no = -(nx * dx + ny * dy + nz * dz)
+        return shown
+    shown = moved(moved(shown, f0, own), 1 - f0, grazing)
+    no = -dot(n, d)
     if i[at.BODIES] > 0 and alpha < 0.5 and no > 0:
-        one, two, three = (
-            random(12 * draw + 3 * part),
-            random(12 * draw + 3 * part + 1),
-            random(12 * draw + 3 * part + 2),
-        )
-        rx = dx + 2 * no * nx + 0.7 * alpha * (one - 0.5)
-        ry = dy + 2 * no * ny + 0.7 * alpha * (two - 0.5)
-        rz = dz + 2 * no * nz + 0.7 * alpha * (three - 0.5)
-        away = hit_body(f, i, w, 0, qx, qy, qz, rx, ry, rz, FAR_AWAY)
+        first = 12 * draw + 3 * part
+        jitter = random(first) - 0.5, random(first + 1) - 0.5, random(first + 2) - 0.5
+        way = moved(moved(d, 2 * no, n), 0.7 * alpha, jitter)
+        away = hit_body(f, i, w, 0, o, way, FAR_AWAY)
         if away >= 0:
             m = 1 - no
             weight = f0 + (1 - f0) * m * m * m * m * m
-            x, y, z = qx + away * rx, qy + away * ry, qz + away * rz
-            kr, kg, kb = object_at(f, i, view, tan_half, radiance, cover, x, y, z)
-            return r + weight * kr, g + weight * kg, b + weight * kb
-    kr, kg, kb = coat_along(f, i, q, number, at.LIT, REST, qx, qy, qz, dx, dy, dz)
-    return r + kr, g + kg, b + kb
+            return moved(shown, weight, object_at(f, i, view, tan_half, radiance, cover, moved(o, away, way)))
+    return moved(shown, 1.0, coat_along(f, i, q, number, at.LIT, REST, o, d))
 
 
 @compiled
-def object_at(f, i, view, tan_half, radiance, cover, x, y, z):
+def object_at(f, i, view, tan_half, radiance, cover, place):
     """Return the object's radiance at a point of it: what the eye sees there, or its mean."""
-    x, y, z = x - f[at.EYE], y - f[at.EYE + 1], z - f[at.EYE + 2]
-    a = view[0, 0] * x + view[1, 0] * y + view[2, 0] * z
-    b = view[0, 1] * x + view[1, 1] * y + view[2, 1] * z
-    c = -(view[0, 2] * x + view[1, 2] * y + view[2, 2] * z)
+    away = minus(place, vector(f, at.EYE))
+    a, b, c = mixed(away[0], away[1], away[2], row_of(view, 0), row_of(view, 1), row_of(view, 2))
     size = len(cover)
-    column, row = int((a / c / tan_half + 1) * size / 2), int((1 - b / c / tan_half) * size / 2)
+    column, row = int((1 - a / c / tan_half) * size / 2), int((b / c / tan_half + 1) * size / 2)
     if 0 <= column < size and 0 <= row < size and cover[row, column] > 0.5:
-        return radiance[row, column, 0], radiance[row, column, 1], radiance[row, column, 2]
-    e = i[at.BODY] + at.GLOW
-    return f[e], f[e + 1], f[e + 2]
+        return row_of(radiance[row], column)
+    return glow_of(f, i, 0)
