@@ -38,8 +38,8 @@ def train_light(
     from anyprobe_train.light.left_out_light import left_out_scores
     from anyprobe_train.light.light_run import LightRunConfig, run_light
     from anyprobe_train.light.traced import SHARE, traced_photos, with_traced
-    from anyprobe_train.world.batch import World
-    from anyprobe_train.world.feed import Feed
+    from anyprobe_train.world.batch import World, assets_of
+    from anyprobe_train.world.feed import feed
 
     known = ("cpu", "cuda") if torch.cuda.is_available() else ("cpu",)
     if device not in known:
@@ -55,18 +55,16 @@ def train_light(
         settings = {"first": FEW_VIEWS}
         (runs / config.name / "checkpoint.pt").unlink(missing_ok=True)
     cache = runs / "world"
-    world = World.open(data, cache)
     traced = traced_photos(runs / "traced")
-    assets = f"{len(world.maps.names)} maps, {len(world.views.files.paths)} shapes"
+    assets = assets_of(World.open(data, cache))
     assets += "" if traced is None else f", {len(traced.family)} path-traced photos"
-    del world
 
     def batches(first: int) -> Iterator[LightBatch]:
         made = config.batch if traced is None else round((1 - SHARE) * config.batch)
         given = {"batch": made, **settings}
-        with Feed(data, cache, config.seed, workers=max(1, processes), step=first, **given) as feed:
-            for step, batch in enumerate(feed, first):
-                yield with_traced(batch, traced, config.batch, (config.seed, step))
+        photos = feed(data, cache, config.seed, workers=max(1, processes), step=first, **given)
+        for step, batch in enumerate(photos, first):
+            yield with_traced(batch, traced, config.batch, (config.seed, step))
 
     scored = None if dry_run is not None else left_out_scores(runs / "left_out", data, cache)
     return run_light(config, batches=batches, runs=runs, assets=assets, device=device, scored=scored, start=start)

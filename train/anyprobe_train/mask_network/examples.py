@@ -13,8 +13,9 @@ import torch
 from anyprobe.masks.networks import SMALL_PX
 from anyprobe.masks.prompts import draw_prompts
 from anyprobe_train.dataset.camera import blur
-from anyprobe_train.mask_network.scenes import MaskPhoto, Scene, Window, draw_scene, photograph
+from anyprobe_train.mask_network.scenes import MaskPhoto, Scene, draw_scene, photograph
 from anyprobe_train.world.batch import World
+from anyprobe_train.world.windows import Window
 
 CLEAR_LEAD = 1.4
 """Smallest ratio of the first object's weight to the second's at which the first is meant without a prompt."""

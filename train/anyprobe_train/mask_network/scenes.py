@@ -11,7 +11,7 @@ from anyprobe_train.world.layout import draw_layout, stand_beside
 from anyprobe_train.world.lights import draw_light
 from anyprobe_train.world.look import develop, draw_look
 from anyprobe_train.world.photo import Frame
-from anyprobe_train.world.windows import window_resampled
+from anyprobe_train.world.windows import Window, window_resampled
 
 SCENE_PX = 256
 """Side of a scene's square [pixels]: parts of it are as sharp as the mask network's input."""
@@ -27,9 +27,6 @@ SCENES_PER_COUNT = 12
 """Scenes for which a batch of the world would be made: more views join as there."""
 SHAKEN_SHARE, SHAKE_PX = 0.1, (1.0, 3.5)
 """Share of photos that are blurred along a line, and half its length [pixels]."""
-
-Window = tuple[float, float, float, float]
-"""A part of the photo's plane: left, right, top, bottom [tangents], y up."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -36,7 +36,7 @@ from anyprobe_train.world.photo import (
     standing_points,
 )
 from anyprobe_train.world.views import CAMERAS, SHAPES, Views, shape_files
-from anyprobe_train.world.windows import on_sphere, window_resampled
+from anyprobe_train.world.windows import Window, on_sphere, window_resampled
 
 PHOTO_FAMILIES = ("ground", "table", "things", "dark", "procedural", "cut_out", "no_object")
 SHARES = (0.22, 0.18, 0.17, 0.09, 0.08, 0.21, 0.05)
@@ -117,6 +117,11 @@ class World:
     def count(self, k: int) -> int:
         """Return the number of views that batch k draws from."""
         return min(self.first + k // self.every, self.most) * SHAPES * CAMERAS
+
+
+def assets_of(world: World) -> str:
+    """Say what a world has, as runs that learn from it keep it."""
+    return f"{len(world.maps.names)} maps, {len(world.views.files.paths)} shapes"
 
 
 def make_batch(world: World, seed: int, k: int) -> LightBatch:
@@ -251,9 +256,8 @@ def _tensors(family: str, traced: Traced, rng: np.random.Generator) -> dict[str,
     picture = own[..., :3] if behind is None else own[..., :3] + (1 - own[..., 3:]) * behind
     object_mean = None
     if seen is not None:
-        object_mean = max(
-            float(luminance((seen.radiance * seen.cover[..., None]).sum((0, 1)) / seen.cover.sum())), 1e-9
-        )
+        mean = (seen.radiance * seen.cover[..., None]).sum((0, 1)) / seen.cover.sum()
+        object_mean = max(float(luminance(mean)), 1e-9)
     in_frame = luminance(picture)[in_photo > 0.5] if behind is not None else np.zeros(0)
     look = draw_look(rng, object_mean, in_frame, truth)
     mask, window = (None, None) if seen is None else _drawn_mask(seen, frame, family, rng)
@@ -264,16 +268,21 @@ def _tensors(family: str, traced: Traced, rng: np.random.Generator) -> dict[str,
     cut = None
     if behind is None:
         cut = np.uint8(round(255 * BACKDROPS[rng.integers(len(BACKDROPS))]))
-        share = own[..., 3:]
-        full = develop(look, own[..., :3] / np.maximum(share, 1e-3), whole, frame.tangents, 0.0, rng)
-        shown = np.round(share * full + (1 - share) * cut)
+        shown = np.round(_before_one_color(own, cut, look, frame, whole, rng))
     context[..., :3] = np.round(shown * in_photo[..., None])
     context[..., 4] = np.round(255 * in_photo)
-    crop = np.zeros((SQUARE_PX, SQUARE_PX, 4), np.uint8)
+    crop = np.zeros((SQUARE_PX, SQUARE_PX, 4), np.uint8)  # the object's window as its mask shows it
     if mask is not None:
         given = window_resampled(mask, window, whole, SQUARE_PX, 3) * in_photo
         context[..., 3] = np.round(255 * given)
-        crop = _crop(seen, frame, look, behind, mask, window, crop_window, cut, rng)
+        own = object_over(seen, frame, crop_window, SQUARE_PX)
+        given = window_resampled(mask, window, crop_window, SQUARE_PX, 2) * share_in_photo(frame, crop_window)
+        if behind is None:
+            shown = _before_one_color(own, cut, look, frame, crop_window, rng)
+        else:
+            back = window_resampled(behind, whole, crop_window, SQUARE_PX, 1)
+            shown = develop(look, own[..., :3] + (1 - own[..., 3:]) * back, crop_window, frame.tangents, look.blur, rng)
+        crop = np.round(np.dstack([shown * given[..., None], 255 * given])).astype(np.uint8)
     known = rng.random() < LENS_KNOWN
     scale = 1.0 if known else ASSUMED_TANGENT / most
     middle = (crop_window[0] + crop_window[1]) / 2, (crop_window[2] + crop_window[3]) / 2
@@ -300,9 +309,7 @@ def _tensors(family: str, traced: Traced, rng: np.random.Generator) -> dict[str,
     }
 
 
-def _drawn_mask(
-    seen: Seen, frame: Frame, family: str, rng: np.random.Generator
-) -> tuple[np.ndarray, tuple[float, float, float, float]]:
+def _drawn_mask(seen: Seen, frame: Frame, family: str, rng: np.random.Generator) -> tuple[np.ndarray, Window]:
     """Return a given mask [MASK_SIDE, MASK_SIDE] float32 over a window of the photo's plane, and that."""
     low, high = plane_box(seen, frame)
     (x, y), half = (low + high) / 2, float((high - low).max()) / 2 * MASK_ROOM
@@ -320,9 +327,7 @@ def _drawn_mask(
     return (made if kept else true).astype(np.float32), window
 
 
-def _crop_window(
-    mask: np.ndarray | None, window: tuple[float, float, float, float] | None
-) -> tuple[float, float, float, float]:
+def _crop_window(mask: np.ndarray | None, window: Window | None) -> Window:
     """Return the square window around a mask's box times 1.1; of no mask an empty one in the middle."""
     if mask is None or window is None or not mask.any():
         return 0.0, 0.0, 0.0, 0.0
@@ -335,33 +340,16 @@ def _crop_window(
     return x - half, x + half, y + half, y - half
 
 
-def _crop(
-    seen: Seen,
-    frame: Frame,
-    look: Look,
-    behind: np.ndarray | None,
-    mask: np.ndarray,
-    window: tuple[float, float, float, float],
-    crop_window: tuple[float, float, float, float],
-    cut: np.uint8 | None,
-    rng: np.random.Generator,
+def _before_one_color(
+    own: np.ndarray, cut: np.uint8, look: Look, frame: Frame, window: Window, rng: np.random.Generator
 ) -> np.ndarray:
-    """Return the object's window as its mask shows it, [SQUARE_PX, SQUARE_PX, 4] uint8."""
-    own = object_over(seen, frame, crop_window, SQUARE_PX)
-    given = (window_resampled(mask, window, crop_window, SQUARE_PX, 2) * share_in_photo(frame, crop_window))[..., None]
-    if behind is None:
-        share = own[..., 3:]
-        shown = develop(look, own[..., :3] / np.maximum(share, 1e-3), crop_window, frame.tangents, 0.0, rng)
-        shown = share * shown + (1 - share) * cut
-    else:
-        back = window_resampled(behind, frame.square, crop_window, SQUARE_PX, 1)
-        shown = develop(look, own[..., :3] + (1 - own[..., 3:]) * back, crop_window, frame.tangents, look.blur, rng)
-    return np.round(np.dstack([shown * given, 255 * given])).astype(np.uint8)
+    """Return display values of a window that shows the object, own [S, S, 4], before one colour."""
+    share = own[..., 3:]
+    shown = develop(look, own[..., :3] / np.maximum(share, 1e-3), window, frame.tangents, 0.0, rng)
+    return share * shown + (1 - share) * cut
 
 
-def _normals(
-    view: np.void, seen: Seen | None, frame: Frame, crop_window: tuple[float, float, float, float]
-) -> np.ndarray:
+def _normals(view: np.void, seen: Seen | None, frame: Frame, crop_window: Window) -> np.ndarray:
     if seen is None:
         return np.zeros((NORMALS, NORMALS, 3), np.int8)
     turn = seen.camera.T @ frame.camera

@@ -4,15 +4,14 @@ Batches that `batch.make_batch` makes are kept in groups of GROUP. Round r shuff
 r into batches, while group r + 1 is made. What a step sees is a function of (seed, step) alone.
 """
 
-from __future__ import annotations
-
 import signal
 from collections import deque
+from collections.abc import Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import fields
+from itertools import count
 from multiprocessing import get_context
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -36,72 +35,43 @@ def _made(seed: int, k: int) -> LightBatch:
     return make_batch(_WORLD[0], seed, k)
 
 
-class Feed:
-    """Iterator of batches from step `step` on; `with` it, so that its processes end."""
+def feed(
+    data: Path, cache: Path, seed: int, *, workers: int = 1, step: int = 0, **settings: int | str
+) -> Iterator[LightBatch]:
+    """Yield batches from step `step` on, each once its photos are made; once closed, its processes end.
 
-    def __init__(
-        self, data: Path, cache: Path, seed: int, *, workers: int = 1, step: int = 0, **settings: int | str
-    ) -> None:
-        """Start the processes. settings: of World.open."""
-        self.seed, self.step = seed, step
-        context, start = get_context("spawn"), (data, cache, settings)
-        self._pool = ProcessPoolExecutor(workers, context, _open, start)
-        self._round, self._offset = _round_of(step)
-        self._pending: deque[Future[LightBatch]] = deque()
-        self._groups: deque[list[LightBatch]] = deque(maxlen=SEEN)
-        self._asked = max(self._round - SEEN + 1, 0) * GROUP
-        self._ask((self._round + 1) * GROUP)
-        for _ in range(min(self._round + 1, SEEN)):
-            self._take_group()
-        self._order = self._shuffled()
+    settings: of World.open.
+    """
+    pool = ProcessPoolExecutor(workers, get_context("spawn"), _open, (data, cache, settings))
 
-    def __enter__(self) -> Feed:
-        """Return itself."""
-        return self
+    def asked(group: int) -> list[Future[LightBatch]]:
+        return [pool.submit(_made, seed, k) for k in range(group * GROUP, (group + 1) * GROUP)]
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """End the processes; what they are making is thrown away."""
-        self._pool.shutdown(wait=False, cancel_futures=True)
-
-    def __iter__(self) -> Feed:
-        """Return itself."""
-        return self
-
-    def __next__(self) -> LightBatch:
-        """Return the batch of the next step, which waits if its photos are not made yet."""
-        batches = [one for group in self._groups for one in group]
-        size = len(batches[0].family)
-        if self._offset * size >= len(self._order):
-            self._round, self._offset = self._round + 1, 0
-            self._take_group()
-            self._order = self._shuffled()
-            return next(self)
-        chosen = self._order[self._offset * size : (self._offset + 1) * size]
-        self._offset += 1
-        self.step += 1
-        which, row = np.divmod(chosen, size)
-        return LightBatch(
-            **{
-                one.name: np.stack([getattr(batches[a], one.name)[b] for a, b in zip(which, row, strict=True)])
-                for one in fields(LightBatch)
-            }
-        )
-
-    def _ask(self, upto: int) -> None:
-        """Let the processes make all batches before number `upto`."""
-        while self._asked < upto:
-            self._pending.append(self._pool.submit(_made, self.seed, self._asked))
-            self._asked += 1
-
-    def _take_group(self) -> None:
-        self._groups.append([self._pending.popleft().result() for _ in range(GROUP)])
-        self._ask(self._asked + (GROUP if len(self._pending) < GROUP else 0))
-
-    def _shuffled(self) -> np.ndarray:
-        count = sum(len(one.family) for group in self._groups for one in group)
-        return np.random.default_rng((self.seed, 1, self._round)).permutation(count)
+    try:
+        begun, offset = _round_of(step)
+        first = max(begun - SEEN + 1, 0)
+        coming = deque(asked(group) for group in range(first, begun + 2))
+        groups: deque[list[LightBatch]] = deque(maxlen=SEEN)
+        for _ in range(first, begun):
+            groups.append([one.result() for one in coming.popleft()])
+        for number in count(begun):
+            groups.append([one.result() for one in coming.popleft()])
+            batches = [one for group in groups for one in group]
+            size = len(batches[0].family)
+            order = np.random.default_rng((seed, 1, number)).permutation(len(batches) * size)
+            for start in range(offset * size, len(order), size):
+                which, row = np.divmod(order[start : start + size], size)
+                chosen = list(zip(which, row, strict=True))
+                yield LightBatch(
+                    **{
+                        one.name: np.stack([getattr(batches[a], one.name)[b] for a, b in chosen])
+                        for one in fields(LightBatch)
+                    }
+                )
+            offset = 0
+            coming.append(asked(number + 2))
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
 
 
 def _round_of(step: int) -> tuple[int, int]:

@@ -1,6 +1,7 @@
 """Layout of a photo: floor, walls, other objects and near lamps of one photo, by families."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -145,10 +146,9 @@ def build_scene(view: np.void | None, eye: np.ndarray, layout: Layout, glow: np.
     for picture, one in zip(pictures.reshape(-1, side, side, 3), layout.panels, strict=True):
         times = side // len(one.albedo)
         picture[:] = one.albedo.repeat(times, 0).repeat(times, 1)
-    begins = [ends[0], ends[1], ends[2], ends[3], ends[4]]
-    counts = [len(layout.panels), len(bodies), len(rows)]
     words = np.array([one.view["words"] for one in bodies], np.uint64).reshape(-1, CELLS, CELLS)
-    places = np.array([*counts, *begins, side, len(far.sky) // 2, LIGHT_ROWS], np.int64)
+    counts = len(layout.panels), len(bodies), len(rows)
+    places = np.array([*counts, *ends[:5], side, len(far.sky) // 2, LIGHT_ROWS], np.int64)
     return TracedScene(numbers=numbers, places=places, words=words, sky=far.sky)
 
 
@@ -170,10 +170,11 @@ Cover = tuple[np.ndarray, float, float]
 
 def _cover(rng: np.random.Generator, maps: Maps, plain: float = 0.25) -> Cover:
     """Draw albedo [T, T, 3], alpha and side of a cover, plain ones in a share."""
-    number = int(rng.choice(np.flatnonzero(maps.cover_plain if rng.random() < plain else ~maps.cover_plain)))
-    picture = maps.covers[number] * np.exp(rng.normal(0.0, 0.25)) * np.exp(rng.normal(0.0, 0.06, 3))
-    side = float(maps.cover_side[number]) * float(np.exp(rng.normal(0.0, 0.3)))
-    return np.clip(picture, 0.005, 0.9).astype(np.float32), float(maps.cover_alpha[number]), side
+    known = maps.covers
+    number = int(rng.choice(np.flatnonzero(known["plain"] if rng.random() < plain else ~known["plain"])))
+    picture = known["albedo"][number] * np.exp(rng.normal(0.0, 0.25)) * np.exp(rng.normal(0.0, 0.06, 3))
+    side = float(known["side"][number]) * float(np.exp(rng.normal(0.0, 0.3)))
+    return np.clip(picture, 0.005, 0.9).astype(np.float32), float(known["alpha"][number]), side
 
 
 def _cloth(rng: np.random.Generator) -> Cover:
@@ -182,17 +183,14 @@ def _cloth(rng: np.random.Generator) -> Cover:
     return np.full((2, 2, 3), value, np.float32) * tint(rng, 0.05).astype(np.float32), 1.0, 4.0
 
 
+def _panel(origin: np.ndarray, right: np.ndarray, up: np.ndarray, half: tuple[float, float], cover: Cover) -> Panel:
+    albedo, alpha, side = cover
+    return Panel(origin=origin, right=right, up=up, half=half, albedo=albedo, alpha=alpha, side=side)
+
+
 def _floor(height: float, half_x: float, half_z: float, turn: float, cover: Cover) -> Panel:
-    rotation = rotation_y(turn)
-    return Panel(
-        origin=np.array([0.0, height - 1e-3, 0.0]),
-        right=rotation @ [1.0, 0.0, 0.0],
-        up=rotation @ [0.0, 0.0, -1.0],
-        half=(half_x, half_z),
-        albedo=cover[0],
-        alpha=cover[1],
-        side=cover[2],
-    )
+    right, up = (rotation_y(turn) @ axis for axis in ([1.0, 0.0, 0.0], [0.0, 0.0, -1.0]))
+    return _panel(np.array([0.0, height - 1e-3, 0.0]), right, up, (half_x, half_z), cover)
 
 
 def _drawn_floor(rng: np.random.Generator, cover: Cover, height: float = 0.0) -> Panel:
@@ -206,21 +204,13 @@ def _drawn_floor(rng: np.random.Generator, cover: Cover, height: float = 0.0) ->
 
 def _behind(view: np.void, front: np.ndarray) -> float:
     """Return how far the object reaches against a level direction."""
-    low, high = view["low"], view["low"] + CELLS * view["cell"]
-    return (
-        float(
-            np.sqrt(
-                max(abs(low[0]), abs(high[0])) ** 2 * front[0] ** 2
-                + max(abs(low[2]), abs(high[2])) ** 2 * front[2] ** 2
-            )
-        )
-        + 0.1
-    )
+    reach = np.maximum(np.abs(view["low"]), np.abs(view["low"] + CELLS * view["cell"]))
+    return float(np.sqrt(reach[0] ** 2 * front[0] ** 2 + reach[2] ** 2 * front[2] ** 2)) + 0.1
 
 
 def _upright(front: np.ndarray, at: np.ndarray, half: tuple[float, float], cover: Cover) -> Panel:
     up = np.array([0.0, 1.0, 0.0])
-    return Panel(origin=at, right=np.cross(up, front), up=up, half=half, albedo=cover[0], alpha=cover[1], side=cover[2])
+    return _panel(at, np.cross(up, front), up, half, cover)
 
 
 def _wall(
@@ -257,21 +247,13 @@ def _sweep(rng: np.random.Generator, view: np.void, toward: np.ndarray, cover: C
     for angle in np.linspace(0, np.pi / 2, 6)[1:]:
         points.append(np.array([-back - radius * np.sin(angle), radius * (1 - np.cos(angle))]))
     points.append(points[-1] + [0.0, 8.0])
-    panels = []
-    for a, b in zip(points[:-1], points[1:], strict=True):
+    panels, sheet = [], (cover[0], max(cover[1], 0.5), cover[2])
+    for a, b in pairwise(points):
         along = b - a
         length = float(np.linalg.norm(along))
-        panels.append(
-            Panel(
-                origin=turn @ np.array([0.0, (a[1] + b[1]) / 2 - 1e-3, (a[0] + b[0]) / 2]),
-                right=turn @ np.array([1.0, 0.0, 0.0]),
-                up=turn @ (np.array([0.0, along[1], along[0]]) / length),
-                half=(half, length / 2 + 0.01),
-                albedo=cover[0],
-                alpha=max(cover[1], 0.5),
-                side=cover[2],
-            )
-        )
+        middle = turn @ np.array([0.0, (a[1] + b[1]) / 2 - 1e-3, (a[0] + b[0]) / 2])
+        up = turn @ (np.array([0.0, along[1], along[0]]) / length)
+        panels.append(_panel(middle, turn @ np.array([1.0, 0.0, 0.0]), up, (half, length / 2 + 0.01), sheet))
     return panels
 
 

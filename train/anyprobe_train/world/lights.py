@@ -1,9 +1,7 @@
 """The light of a few photos: a map varied, its levels, and the sources that are traced by themselves."""
 
-from __future__ import annotations
-
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import cv2
@@ -48,34 +46,25 @@ class Light:
     name: str
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Turn:
-    """How a map's columns are placed: turned by `by` [columns], mirrored or not, and stretched on one side, by how much
-    and about which column."""
+def turned_map(one: np.ndarray, stretch: float, by: int, mirror: bool, about: int) -> np.ndarray:
+    """Return a map [H, 2H, 3] at [LIGHT_ROWS, 2 LIGHT_ROWS, 3], turned by columns, mirrored or not, and stretched on
+    one side, by how much and about which column."""
+    columns, times = 2 * LIGHT_ROWS, LIGHT_ROWS // len(one)
+    at = np.arange(columns) - about
+    at = at + stretch * columns / (2 * np.pi) * np.sin(2 * np.pi / columns * at) + by
+    at = np.round(at).astype(int) % columns
+    return one[:, ((columns - 1 - at) if mirror else at) // times].repeat(times, 0)
 
-    by: int
-    mirror: bool
-    stretch: float
-    about: int
 
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Turn:
-        """Draw one."""
-        columns, stretch = 2 * LIGHT_ROWS, float(rng.uniform(0.0, STRETCHED))
-        return cls(
-            by=int(rng.integers(columns)),
-            mirror=bool(rng.random() < 0.5),
-            stretch=stretch,
-            about=int(rng.integers(columns)),
-        )
-
-    def __call__(self, one: np.ndarray) -> np.ndarray:
-        """Return a map [H, 2H, 3] at [LIGHT_ROWS, 2 LIGHT_ROWS, 3], turned."""
-        columns, times = 2 * LIGHT_ROWS, LIGHT_ROWS // len(one)
-        at = np.arange(columns) - self.about
-        at = at + self.stretch * columns / (2 * np.pi) * np.sin(2 * np.pi / columns * at) + self.by
-        at = np.round(at).astype(int) % columns
-        return one[:, ((columns - 1 - at) if self.mirror else at) // times].repeat(times, 0)
+def _turn(rng: np.random.Generator) -> tuple[float, int, bool, int]:
+    """Draw how a map is turned."""
+    columns = 2 * LIGHT_ROWS
+    return (
+        float(rng.uniform(0.0, STRETCHED)),
+        int(rng.integers(columns)),
+        rng.random() < 0.5,
+        int(rng.integers(columns)),
+    )
 
 
 def joined(one: np.ndarray, other: np.ndarray, middle: int, half: float, passing: float) -> np.ndarray:
@@ -207,23 +196,24 @@ def _directions() -> np.ndarray:
 def draw_light(rng: np.random.Generator, maps: Maps, kind: str) -> Light:
     """Draw a light for a kind of place: "ground" a real map as it is, "real" one varied, "procedural", or "dark"."""
     if kind == "procedural" or (kind == "ground" and rng.random() < 0.06):
-        pool, kinds, names = maps.places, maps.placed_outdoors, None
+        pool, kinds, names = maps.places["places"], maps.places["outdoors"], None
         weights = np.full(len(pool), 1.0 / len(pool))
     else:
         pool, kinds, names = maps.real, maps.outdoors, maps.names
         weights = maps.grounds if kind == "ground" else maps.weights
     number = int(rng.choice(len(pool), p=weights))
     outdoors, name = float(kinds[number]), names[number] if names else "procedural"
-    radiance = Turn.draw(rng)(pool[number])
+    radiance = turned_map(pool[number], *_turn(rng))
     if rng.random() < JOINED:
         alike = weights * (kinds == outdoors if outdoors in (0.0, 1.0) else np.isnan(kinds))
-        other = Turn.draw(rng)(pool[int(rng.choice(len(pool), p=alike / alike.sum()))])
+        turn = _turn(rng)
+        other = turned_map(pool[int(rng.choice(len(pool), p=alike / alike.sum()))], *turn)
         half, passing = rng.uniform(0.125, 0.375), rng.uniform(*JOIN_DEG) / 360
         columns = 2 * LIGHT_ROWS
         radiance = joined(radiance, other, int(rng.integers(columns)), half * columns, passing * columns)
     elif kind == "real" and rng.random() < BLENDS:
         second = int(rng.choice(len(pool), p=weights))
-        radiance = radiance + np.float32(rng.uniform(0.2, 0.8)) * (Turn.draw(rng)(pool[second]) - radiance)
+        radiance = radiance + np.float32(rng.uniform(0.2, 0.8)) * (turned_map(pool[second], *_turn(rng)) - radiance)
         outdoors = outdoors if outdoors == kinds[second] else np.nan
     white = tint(rng, TINT if kind != "ground" else 0.5 * TINT)
     radiance = varied(radiance, float(np.exp(rng.normal(0.0, CONTRAST))), white)
@@ -252,11 +242,10 @@ def with_lamp(rng: np.random.Generator, light: Light, way: np.ndarray, radius: f
     """Return a light with one far lamp more, drawn into the sky that is seen and kept as a source."""
     first = light.sky[: 2 * LIGHT_ROWS**2].reshape(LIGHT_ROWS, 2 * LIGHT_ROWS, 3).copy()
     _add(rng, first, way, radius, power)
-    return Light(
+    return replace(
+        light,
         sky=np.concatenate([levels(first, 8), light.sky[len(light.sky) // 2 :]]),
         direction=np.concatenate([light.direction, np.asarray(way, np.float32)[None]]),
         radius=np.append(light.radius, np.float32(radius)),
         power=np.concatenate([light.power, np.asarray(power, np.float32)[None]]),
-        outdoors=light.outdoors,
-        name=light.name,
     )

@@ -10,6 +10,7 @@ from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.core.response import CameraCurve, response
 from anyprobe_train.dataset import distributions
 from anyprobe_train.dataset.camera import draw_curve
+from anyprobe_train.world.windows import Window
 
 CONTRAST, SATURATION = 0.15, 0.18
 """Standard deviations of what a phone's picture style adds to contrast and saturation."""
@@ -59,12 +60,12 @@ def draw_look(rng: np.random.Generator, object_mean: float | None, frame: np.nda
 def develop(
     look: Look,
     radiance: np.ndarray,
-    window: tuple[float, float, float, float],
+    window: Window,
     tangents: tuple[float, float],
     blur: float,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """Return a window (left, right, top, bottom) of the photo's plane as its file shows it, [S, S, 3] uint8, by area.
+    """Return a window of the photo's plane as its file shows it, [S, S, 3] uint8, by area.
 
     radiance: [S, S, 3] in the scene's units; blur: of the lens [pixels of the window].
     """

@@ -30,8 +30,8 @@ class Maps:
     """Light and surfaces to draw from.
 
     real: [M, 256, 512, 3] of mean luminance 1; outdoors: [M] 1, 0 or NaN; weights: [M] of all of them, grounds: [M] of
-    those that have a ground. places: [K, 128, 256, 3] and placed_outdoors [K]. covers: [C, T, T, 3] albedo, with alpha,
-    side and whether plain [C].
+    those that have a ground. places: "places" [K, 128, 256, 3] and "outdoors" [K]. covers: "albedo" [C, T, T, 3],
+    "alpha", "side" and "plain" [C].
     """
 
     names: tuple[str, ...]
@@ -39,12 +39,8 @@ class Maps:
     outdoors: np.ndarray
     weights: np.ndarray
     grounds: np.ndarray
-    places: np.ndarray
-    placed_outdoors: np.ndarray
-    covers: np.ndarray
-    cover_alpha: np.ndarray
-    cover_side: np.ndarray
-    cover_plain: np.ndarray
+    places: dict[str, np.ndarray]
+    covers: dict[str, np.ndarray]
 
 
 def open_maps(data: Path, cache: Path, part: str) -> Maps:
@@ -53,8 +49,6 @@ def open_maps(data: Path, cache: Path, part: str) -> Maps:
     Maps made from 8 bits are in no part: their light sources are invented.
     """
     real = _kept(cache, f"maps-{part}", lambda: _real(data, part))
-    places = _kept(cache, "places-1", _places)
-    covers = _kept(cache, "covers-1", _covers)
     names = tuple(json.loads(str(real["names"])))
     series = [re.sub(r"[_\d]+[a-z]?$", "", name) for name in names]
     sizes = Counter(series)
@@ -66,12 +60,8 @@ def open_maps(data: Path, cache: Path, part: str) -> Maps:
         outdoors=real["outdoors"],
         weights=weights / weights.sum(),
         grounds=weights * has_ground / (weights * has_ground).sum(),
-        places=places["places"],
-        placed_outdoors=places["outdoors"],
-        covers=covers["albedo"],
-        cover_alpha=covers["alpha"],
-        cover_side=covers["side"],
-        cover_plain=covers["plain"],
+        places=_kept(cache, "places-1", _places),
+        covers=_kept(cache, "covers-1", _covers),
     )
 
 

@@ -26,7 +26,7 @@ from anyprobe_train.world.views import (
     cell_numbers,
     view_points,
 )
-from anyprobe_train.world.windows import warped
+from anyprobe_train.world.windows import Window, warped
 
 SQUARE_PX = 96
 """Side of the context and of the crop."""
@@ -55,8 +55,8 @@ class Frame:
         return max(self.tangents)
 
     @property
-    def square(self) -> tuple[float, float, float, float]:
-        """The window (left, right, top, bottom) of the context: the least square around the photo."""
+    def square(self) -> Window:
+        """The window of the context: the least square around the photo."""
         return -self.most, self.most, self.most, -self.most
 
     @property
@@ -123,7 +123,7 @@ def painted(
     """Return albedo and f0 [N, 3] at points of an object; a share of them has a texture."""
     albedo, f0 = (np.tile(np.asarray(one, np.float32), (len(points), 1)) for one in (material.albedo, material.f0))
     if rng.random() < share and len(points):
-        picture = np.asarray(maps.covers[int(rng.integers(len(maps.covers)))])
+        picture = np.asarray(maps.covers["albedo"][int(rng.integers(len(maps.covers["albedo"])))])
         factor = lay(picture / picture.mean(axis=(0, 1)), points, normals, rng) ** float(rng.uniform(0.4, 1.6))
         factor /= np.maximum(factor.mean(axis=0), 1e-6)
         albedo, f0 = np.clip(albedo * factor, 0.0, 0.92), np.where(f0 > 0.2, np.clip(f0 * factor**0.3, 0.2, 1.0), f0)
@@ -220,17 +220,11 @@ def see_other(scene: TracedScene, layout: Layout, number: int, rng: np.random.Ge
     return seen
 
 
-@lru_cache(maxsize=1)
-def _cell_table() -> tuple[np.ndarray, np.ndarray]:
-    middles, weights = cell_middles(), _cell_weights()
-    return middles.reshape(VIEW_RINGS, VIEW_AZIMUTHS, 3), weights.reshape(VIEW_RINGS, VIEW_AZIMUTHS, -1)
-
-
 def _turned_cells(turn: float) -> tuple[np.ndarray, np.ndarray]:
     """Return middles and weights of an object's own cells in the world, to the nearest azimuth of its turn."""
-    directions, weights = (np.roll(one, _azimuths(turn), axis=1) for one in _cell_table())
-    cells = VIEW_RINGS * VIEW_AZIMUTHS
-    return np.ascontiguousarray(directions.reshape(cells, 3)), np.ascontiguousarray(weights.reshape(cells, -1))
+    of_rings = (one.reshape(VIEW_RINGS, VIEW_AZIMUTHS, -1) for one in (cell_middles(), _cell_weights()))
+    middles, weights = (np.roll(one, _azimuths(turn), axis=1).reshape(-1, one.shape[2]) for one in of_rings)
+    return middles, weights
 
 
 @lru_cache(maxsize=1)
@@ -253,11 +247,9 @@ def _between(ratio: np.ndarray, place: np.ndarray, rows: np.ndarray, columns: np
     return total[:, :3] / np.maximum(total[:, 3:], 1e-6)
 
 
-def over_window(
-    values: np.ndarray, seen: Seen, frame: Frame, window: tuple[float, float, float, float], size: int
-) -> np.ndarray:
-    """Return values [SEEN_PX, SEEN_PX, C] of an object's view over a window (left, right, top, bottom) of the photo's
-    plane, [size, size, C], zero beyond the view."""
+def over_window(values: np.ndarray, seen: Seen, frame: Frame, window: Window, size: int) -> np.ndarray:
+    """Return values [SEEN_PX, SEEN_PX, C] of an object's view over a window of the photo's plane, [size, size, C], zero
+    beyond the view."""
     low, high = plane_box(seen, frame)
     at = np.array([window[0], window[2]])
     step = np.array([window[1] - window[0], window[3] - window[2]]) / size
@@ -283,7 +275,7 @@ def plane_box(seen: Seen, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
     return plane.min(axis=0), plane.max(axis=0)
 
 
-def object_over(seen: Seen, frame: Frame, window: tuple[float, float, float, float], size: int) -> np.ndarray:
+def object_over(seen: Seen, frame: Frame, window: Window, size: int) -> np.ndarray:
     """Return premultiplied radiance and cover of the object over a window of the photo's plane, [size, size, 4]."""
     return over_window(seen.covered, seen, frame, window, size)
 
@@ -297,7 +289,7 @@ def background_of(scene: TracedScene, frame: Frame, seen: Seen | None, wanted: n
     return picture(*scene, frame.camera, frame.most, wanted, *view, seed)
 
 
-def share_in_photo(frame: Frame, window: tuple[float, float, float, float], size: int = SQUARE_PX) -> np.ndarray:
+def share_in_photo(frame: Frame, window: Window, size: int = SQUARE_PX) -> np.ndarray:
     """Return the share of each pixel of a window that lies in the photo, [size, size]."""
 
     def along(first: float, last: float, most: float) -> np.ndarray:

@@ -5,6 +5,9 @@ import numpy as np
 
 from anyprobe_train.world.march import compiled
 
+Window = tuple[float, float, float, float]
+"""A part of the photo's plane: left, right, top, bottom [tangents], y up."""
+
 
 def warped(values: np.ndarray, matrix: np.ndarray, rows: int, columns: int, samples: int, border: int) -> np.ndarray:
     """Return values [S, T, C] where a homography [3, 3] of pixel edges says that each pixel of [rows, columns, C] lies,
@@ -16,23 +19,13 @@ def warped(values: np.ndarray, matrix: np.ndarray, rows: int, columns: int, samp
     return out if samples == 1 else cv2.resize(out, (columns, rows), interpolation=cv2.INTER_AREA)
 
 
-def window_resampled(
-    values: np.ndarray,
-    old: tuple[float, float, float, float],
-    new: tuple[float, float, float, float],
-    size: int,
-    samples: int,
-) -> np.ndarray:
-    """Return values [S, T, C] over a window `old` (left, right, top, bottom) of the plane at those of another, [size,
-    size, C]: bilinear, the mean of samples^2 points; the border goes on."""
+def window_resampled(values: np.ndarray, old: Window, new: Window, size: int, samples: int) -> np.ndarray:
+    """Return values [S, T, C] over a window `old` of the plane at those of another, [size, size, C]: bilinear, the mean
+    of samples^2 points; the border goes on."""
     x, y = values.shape[1] / (old[1] - old[0]), values.shape[0] / (old[3] - old[2])
-    matrix = np.array(
-        [
-            [x * (new[1] - new[0]) / size, 0.0, x * (new[0] - old[0])],
-            [0.0, y * (new[3] - new[2]) / size, y * (new[2] - old[2])],
-            [0.0, 0.0, 1.0],
-        ]
-    )
+    across = [x * (new[1] - new[0]) / size, 0.0, x * (new[0] - old[0])]
+    down = [0.0, y * (new[3] - new[2]) / size, y * (new[2] - old[2])]
+    matrix = np.array([across, down, [0.0, 0.0, 1.0]])
     return warped(values, matrix, size, size, samples, cv2.BORDER_REPLICATE)
 
 
