@@ -31,7 +31,6 @@ from anyprobe_train.mask_network.mask_training import (  # noqa: E402
     MaskRunConfig,
     load_mask_net,
     mask_loss,
-    scenes_of,
     small_mask_run,
     train_mask,
 )
@@ -135,8 +134,7 @@ def run(small_world):
 
     def call(folder, stop_after=None):
         config = small_mask_run(MaskRunConfig(), 4)
-        source = scenes_of(config, small_world)
-        return train_mask(config, data=None, runs=folder, stop_after=stop_after, scenes=source)
+        return train_mask(config, data=None, runs=folder, stop_after=stop_after, world=small_world)
 
     return call
 

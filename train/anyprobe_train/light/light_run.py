@@ -1,14 +1,13 @@
-"""The run of the light network: one small loop over the world's batches, one checkpoint that resumes to the bit."""
+"""The run of the light network: its settings, its optimizer, and a step of it."""
 
 from __future__ import annotations
 
 import json
-import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import BrokenExecutor, ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import torch
 
@@ -16,29 +15,16 @@ from anyprobe_train.light.light_losses import LIGHT_WEIGHTS, LightLoss, total_of
 from anyprobe_train.light.network import LeanNet, LightInputs
 from anyprobe_train.light.pictured import LightTruth, learned, tensors_of
 from anyprobe_train.nets.blocks import autocast
-from anyprobe_train.train.checkpoint import (
-    agreed,
-    keep_apart,
-    load_weights,
-    read_checkpoint,
-    read_init_weights,
-    resumed,
-    save_checkpoint,
-    save_weights,
-)
-from anyprobe_train.train.logger import RunLogger, run_folder
-from anyprobe_train.train.loop import asked_to_stop, learning_rate, mean_of, move_mean
+from anyprobe_train.train.checkpoint import keep_apart, load_weights, read_checkpoint, save_weights
+from anyprobe_train.train.loop import learn
 from anyprobe_train.train.muon import MuonAndAdam
 
-SAVE_SECONDS, SCORE_SECONDS = 300.0, 1800.0
-"""Seconds between two checkpoints, and between two scores of photos that are left out."""
 SAYING = ("head.", "posture.", "of_light.2.", "of_photo.2.", "features.", "shape.head.")
 """Layers that say the answer."""
 
 Batches = Callable[[int], Iterator[Any]]
 """From the first step on: the batches of its and of the following steps, as the world makes them."""
 Scored = Callable[[LeanNet], dict[str, float]]
-Item = TypeVar("Item")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -64,15 +50,6 @@ class LightRunConfig:
     seed: int = 7
 
 
-def one_ahead(items: Iterator[Item]) -> Iterator[Item]:
-    """Yield items, each of which a thread makes while the one before is used."""
-    with ThreadPoolExecutor(1) as thread:
-        coming = thread.submit(next, items, None)
-        while (item := coming.result()) is not None:
-            coming = thread.submit(next, items, None)
-            yield item
-
-
 def run_light(
     config: LightRunConfig,
     *,
@@ -84,79 +61,35 @@ def run_light(
     scored: Scored | None = None,
     start: Path | None = None,
 ) -> Path:
-    """Train to config.steps, going on from the checkpoint of runs/<config.name> when there is one; its path.
+    """Train to config.steps by train.loop.learn, which has the other arguments; the checkpoint's path.
 
-    assets: identity of what batches are drawn from. last: stop at this step, to go on later. scored: figures of photos
-    that are left out, written to left_out.jsonl beside the checkpoint. start: weights of `keep_light` that a run goes
-    on from, at the step that they were kept at.
-
-    Raises:
-        InputError, ModelError: of train.checkpoint.resumed and read_init_weights.
+    assets: identity of what batches are drawn from. start: weights of `keep_light`.
     """
     torch.manual_seed(config.seed)
     torch.set_flush_denormal(True)
-    path = runs / config.name / "checkpoint.pt"
     net = LeanNet().to(device).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     optimizer = MuonAndAdam(net, config.learning_rate, config.matrix_rate, config.weight_decay, last=SAYING)
-    stored, origin = resumed(path, config, {"assets": assets}, start, device)
-    if stored is not None:
-        origin = agreed(path, stored.get("origin", {}), origin)
-    begun = 0
-    if stored is None and start is not None:
-        weights, pairs = read_init_weights(start)
-        load_weights(net, weights, start)
-        begun = (pairs or 0) // config.batch
-    mean, first = mean_of(net, optimizer, stored, path)
-    first = max(first, begun)
-    last = config.steps if last is None else min(last, config.steps)
-    if first >= last:
-        return path
-    losses, folder = LightLoss(device), run_folder(runs, config.name)
-    logger = RunLogger(folder, config.name, (*LIGHT_WEIGHTS, "loss"), first, last, config.steps)
-    saved = judged = time.monotonic()
-    done = kept = first
+    losses = LightLoss(device)
 
-    def keep() -> None:
-        state = {"net": mean.state_dict(), "moving": net.state_dict(), "optimizer": optimizer.state_dict()}
-        save_checkpoint(path, config, done, origin, state)
-
-    def examples() -> Iterator[tuple[LightInputs, LightTruth]]:
+    def examples(first: int, last: int) -> Iterator[tuple[LightInputs, LightTruth]]:
         for step, batch in zip(range(first, last), batches(first), strict=False):
             yield learned(*tensors_of(batch, device), (config.seed, step))
 
-    with logger, asked_to_stop() as asked:
-        try:
-            for step, (inputs, truth) in enumerate(one_ahead(examples()), first):
-                rate = learning_rate(config, step)
-                net.train()
-                torch.manual_seed(config.seed + step)  # what is dropped is the step's own
-                with autocast(device):
-                    guess = net(inputs)
-                terms = losses(guess, truth)
-                loss = total_of(terms)
-                optimizer.zero_grad()
-                loss.backward()
-                torch.nn.utils.clip_grad_norm_(net.parameters(), config.most_gradient)
-                optimizer.step(rate / config.learning_rate)
-                move_mean(mean, net, min(config.averaged, (step + 1) / (step + 20)))
-                done, count = step + 1, len(truth.fov)
-                logger.note(done, done * count, count, {**terms, "loss": loss}, rate)
-                is_judged = scored is not None and (time.monotonic() - judged > SCORE_SECONDS or done == config.steps)
-                if is_judged or time.monotonic() - saved > SAVE_SECONDS:
-                    keep()
-                    kept, saved = done, time.monotonic()
-                if is_judged and scored is not None:
-                    with (folder / "left_out.jsonl").open("a", encoding="utf-8") as stream:
-                        stream.write(json.dumps({"step": done, **scored(mean)}) + "\n")
-                    judged = time.monotonic()
-                if asked():
-                    break
-        except BrokenExecutor:
-            if not asked():  # else the processes that make photos were asked to stop, too
-                raise
-        if done > kept:
-            keep()
-    return path
+    def do_step(example: tuple[LightInputs, LightTruth], rate: float) -> tuple[dict[str, torch.Tensor], int]:
+        inputs, truth = example
+        with autocast(device):
+            guess = net(inputs)
+        terms = losses(guess, truth)
+        loss = total_of(terms)
+        optimizer.zero_grad()
+        loss.backward()
+        torch.nn.utils.clip_grad_norm_(net.parameters(), config.most_gradient)
+        optimizer.step(rate / config.learning_rate)
+        return {**terms, "loss": loss}, len(truth.fov)
+
+    columns, origin = (*LIGHT_WEIGHTS, "loss"), {"assets": assets}
+    given = partial(learn, runs=runs, columns=columns, origin=origin, device=device, last=last, scored=scored)
+    return given(config, net, optimizer, do_step, examples, start=start)
 
 
 def keep_light(checkpoint: Path, path: Path) -> None:

@@ -1,6 +1,5 @@
 """python -m anyprobe_train.mask_network: commands train, export."""
 
-import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -9,7 +8,6 @@ from cyclopts import Parameter
 
 from anyprobe.cli.app import main as run_command
 from anyprobe.cli.app import new_app
-from anyprobe.cli.options import bounded
 from anyprobe.errors import InputError
 from anyprobe_train.cli.run import Data, DryRun, Keep, Runs, Steps
 from anyprobe_train.mask_network.mask_export import export_mask
@@ -32,9 +30,6 @@ def train(
     init_weights: Annotated[
         Path | None, Parameter(help="Weights to begin from, kept by export --keep; the same ones to resume.")
     ] = None,
-    keep_every: Annotated[
-        int | None, Parameter(metavar="N", help="Keep the checkpoint after every N steps."), bounded(1)
-    ] = None,
 ) -> None:
     """Train the network that proposes the object; resumes exactly."""
     if dry_run is not None and steps is not None:
@@ -43,12 +38,7 @@ def train(
     if dry_run is not None:
         config = small_mask_run(config, dry_run)
         (runs / config.name / "checkpoint.pt").unlink(missing_ok=True)
-    every = keep_every or config.steps
-    for stop in range(every, config.steps + every, every):
-        checkpoint = train_mask(config, data=data, runs=runs, stop_after=stop, start=init_weights)
-        if keep_every is not None:
-            shutil.copy(checkpoint, checkpoint.with_name(f"after_{min(stop, config.steps):06d}.pt"))
-    print(checkpoint)
+    print(train_mask(config, data=data, runs=runs, start=init_weights))
 
 
 @app.command()

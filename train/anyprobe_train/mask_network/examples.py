@@ -4,8 +4,8 @@ MaskBatch number k is a function of (seed, k) alone, as for pairs: a run that wa
 scenes. Photographing a scene again is far cheaper than a new scene: mirrored, cropped, by another phone.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -60,36 +60,34 @@ class MaskBatch:
     mask: torch.Tensor
 
 
-@dataclass(kw_only=True)
-class SceneSource:
-    """Endless batches; `examples(k)` for consecutive k is fast.
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Amounts:
+    """How much a run draws, all by a seed: photos a step, each of a random scene with so many prompts; scenes that are
+    kept, and how many of them are new at each step."""
 
-    batch: photos a step, each of a random scene, with `prompts` prompts each; scenes kept, and how many of them are new
-    at each step.
-    """
+    seed: int = 5
+    batch: int = 16
+    prompts: int = 2
+    scenes: int = 320
+    fresh: int = 1
 
-    world: World
-    seed: int
-    batch: int
-    prompts: int
-    scenes: int
-    fresh: int
-    _scenes: dict[int, Scene] = field(default_factory=dict, repr=False)
 
-    def examples(self, step: int) -> MaskBatch:
-        """Make the examples of step number `step`."""
-        first = step * self.fresh
-        wanted = range(first, first + self.scenes)
-        self._scenes = {k: self._scenes.get(k) or draw_scene(self.world, self.seed, k) for k in wanted}
-        rng = np.random.default_rng((self.seed, 5, step))
+def mask_batches(world: World, amounts: Amounts, first: int, last: int) -> Iterator[MaskBatch]:
+    """Yield the examples of steps from a first to a last: each a function of its number."""
+    scenes: dict[int, Scene] = {}
+    for step in range(first, last):
+        begin = step * amounts.fresh
+        wanted = range(begin, begin + amounts.scenes)
+        scenes = {k: scenes.get(k) or draw_scene(world, amounts.seed, k) for k in wanted}
+        rng = np.random.default_rng((amounts.seed, 5, step))
         photos, prompts, masks = [], [], []
-        for number in rng.integers(self.scenes, size=self.batch):
-            photo, asked = _examples(rng, self._scenes[first + int(number)], self.prompts)
+        for number in rng.integers(amounts.scenes, size=amounts.batch):
+            photo, asked = _examples(rng, scenes[begin + int(number)], amounts.prompts)
             photos.append(photo.transpose(2, 0, 1))
             prompts.append([prompt for prompt, _ in asked])
             masks.append([mask for _, mask in asked])
         drawn = {"photo": photos, "prompt": prompts, "mask": masks}
-        return MaskBatch(**{name: torch.from_numpy(np.array(one, np.float32)) for name, one in drawn.items()})
+        yield MaskBatch(**{name: torch.from_numpy(np.array(one, np.float32)) for name, one in drawn.items()})
 
 
 def unasked_target(shot: MaskPhoto) -> int | None:
