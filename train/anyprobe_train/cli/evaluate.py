@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -86,10 +86,11 @@ def evaluate(
         if is_given:
             raise InputError(f"expected {expected}, got {other}; leave one of them out", source=option)
     from anyprobe.estimate.runtime import model_id
-    from anyprobe.files.atomic import atomic_path
+    from anyprobe.files.atomic import atomic_files, atomic_path
     from anyprobe.pictures.images import write_png
     from anyprobe_train.dataset.pair import render_pair
     from anyprobe_train.dataset.recipe import digest
+    from anyprobe_train.evaluate.benchmark import write_pair
     from anyprobe_train.evaluate.methods import baselines, truth_methods
     from anyprobe_train.evaluate.scoring import METRICS, score_pairs
 
@@ -116,11 +117,13 @@ def evaluate(
                 yield render_pair(recipe, store, trace)
                 progress.advance(task)
 
-        if write_photos is not None:
-            _write_photos(write_photos, rendered())
-        else:
+        if write_photos is None:
             watch = Watch(methods, title, len(chosen))
             scores = score_pairs(rendered(), methods, watch=watch)
+        else:
+            with atomic_files(write_photos) as scratch:  # all of them, or none
+                for pair in rendered():
+                    write_pair(scratch, pair)
     if write_photos is not None:
         console.print(f"{write_photos}: {len(chosen)} photos; write the maps into another folder, named by key")
         return
@@ -168,16 +171,6 @@ def _judged(predictions: Path | None, keys: list[str], model: str, title: str, h
         text = f"expected a model that takes normals, got {title}"
         raise InputError(text, subject="hints", remedy=give(model=DEFAULT_MODEL))
     return model_methods(runtime, title, hints)
-
-
-def _write_photos(folder: Path, pairs: Iterable[Pair]) -> None:
-    """Write the photos and inputs of all pairs, or of none."""
-    from anyprobe.files.atomic import atomic_files
-    from anyprobe_train.evaluate.benchmark import write_pair
-
-    with atomic_files(folder) as scratch:
-        for pair in pairs:
-            write_pair(scratch, pair)
 
 
 def _test_set(

@@ -40,7 +40,7 @@ def run(
     setting: Annotated[str, Parameter(help="Sizes of the run paper: full, quarter, small or tiny.")] = "full",
 ) -> None:
     """Train a model on photos of a world that is made meanwhile. An interrupted run resumes exactly."""
-    _refuse_elsewhere(name)
+    _refuse_mask(name)
     need_torch("training")
     if name == PAPER_RUN:
         from anyprobe_train.paper.reproduce import reproduce
@@ -62,16 +62,11 @@ def run(
     print(train_light(data, runs, steps, dry_run, device, workers, init_weights))
 
 
-ELSEWHERE = {
-    "mask": "expected a run that estimates light, got the network that proposes the object; "
-    "train and export it in a clone, with python -m anyprobe_train.mask_network"
-}
-"""Names that another command trains and exports, with what to do."""
-
-
-def _refuse_elsewhere(name: str) -> None:
-    if name in ELSEWHERE:
-        raise InputError(ELSEWHERE[name], source=f"run {name!r}")
+def _refuse_mask(name: str) -> None:
+    if name == "mask":  # another command trains and exports it
+        text = "expected a run that estimates light, got the network that proposes the object; "
+        text += "train and export it in a clone, with python -m anyprobe_train.mask_network"
+        raise InputError(text, source=f"run {name!r}")
 
 
 def export(
@@ -83,7 +78,7 @@ def export(
     keep: Keep = None,
 ) -> None:
     """Export a trained run as ONNX. The graphs are checked against torch."""
-    _refuse_elsewhere(name)
+    _refuse_mask(name)
     need_torch("training")
     if name == PAPER_RUN:
         text = "expected one network, got the paper's three; export them with anyprobe-train paper --graphs FOLDER"

@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 import torch
 
-from anyprobe.core.color import luminance
-from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.core.response import response
 from anyprobe.light.light_sources import find_dominant_light, find_sources
-from anyprobe_train.evaluate.metrics import direction_error_deg, false_sources
+from anyprobe_train.evaluate.metrics import direction_error_deg, false_sources, power_ratio_stops, rmse
+from anyprobe_train.evaluate.scoring import dominant_light_share
 from anyprobe_train.light.both_ways import both_ways
 from anyprobe_train.light.network import LeanNet, LightAnswer, LightInputs
 from anyprobe_train.light.pictured import LightTruth, seen_again, tensors_of, without_object
@@ -39,8 +38,7 @@ def answers(net: LeanNet, inputs: LightInputs) -> Iterator[LightAnswer]:
     was_training = net.training
     net.eval()
     for start in range(0, len(inputs.lens), AT_ONCE):
-        rows = slice(start, start + AT_ONCE)
-        yield both_ways(net, LightInputs(**{name: getattr(inputs, name)[rows] for name in LightInputs.__slots__}))
+        yield both_ways(net, _picked(inputs, slice(start, start + AT_ONCE)))
     net.train(was_training)
 
 
@@ -66,14 +64,11 @@ def rows_of(net: LeanNet, inputs: LightInputs, truth: LightTruth) -> Iterator[di
 
 def map_figures(ours: np.ndarray, true: np.ndarray) -> dict[str, float]:
     """Return LDR RMSE, dominant light [degrees] and its true share, power [stops], false sources, of two maps."""
-    weights = pixel_solid_angles(len(true))
-    light, main = find_dominant_light(ours), find_dominant_light(true)
-    power, all_of_it = (max(float((luminance(one) * weights).sum()), 1e-9) for one in (ours, true))
     return {
-        "ldr_rmse": float(np.sqrt(np.mean((response(ours) - response(true)) ** 2))),
-        "dominant": direction_error_deg(light.direction, main.direction),
-        "share": float(luminance(main.irradiance)) / all_of_it,
-        "power": abs(float(np.log2(power / all_of_it))),
+        "ldr_rmse": rmse(response(ours), response(true)),
+        "dominant": direction_error_deg(find_dominant_light(ours).direction, find_dominant_light(true).direction),
+        "share": dominant_light_share(true),
+        "power": abs(power_ratio_stops(ours, true)),
         "false_sources": float(false_sources(find_sources(ours), ours, true)),
     }
 
@@ -124,7 +119,7 @@ def score_whole_photos(net: LeanNet, batches: list[LightBatch]) -> dict[str, flo
     return found
 
 
-def _picked(record: Any, rows: torch.Tensor) -> Any:
+def _picked(record: Any, rows: torch.Tensor | slice) -> Any:
     return replace(record, **{name: getattr(record, name)[rows] for name in type(record).__slots__})
 
 
@@ -138,22 +133,23 @@ def left_out_scores(folder: Path, data: Path, cache: Path) -> Callable[[LeanNet]
         kept = kept_batches(folder)
         if kept:
             found |= score_whole_photos(net, kept)
-        cut = [
-            row for batch in kept_batches(folder / CUT_OUTS) for row in rows_of(net, *tensors_of(batch, _device(net)))
-        ]
+        cut = _rows(net, kept_batches(folder / CUT_OUTS))
         found |= summary(cut, "evaluate_") if cut else {}
         for maps, shapes in CROSS:
             name = f"{'seen' if maps == 'train' else 'new'}_maps_{'seen' if shapes == 'train' else 'new'}_shapes_"
             if name not in sets:
                 world = World.open(data, cache, maps=maps, shapes=shapes, first=4, every=10**9)
                 sets[name] = [make_batch(world, CROSS_SEED, k) for k in range(CROSS_BATCHES)]
-            rows = [row for batch in sets[name] for row in rows_of(net, *tensors_of(batch, _device(net)))]
-            short = summary(rows, name)
+            short = summary(_rows(net, sets[name]), name)
             keys = ("ldr_rmse", "dominant_deg", "dominant_hardest_deg", "power")
             found |= {name + key: short[name + key] for key in keys}
         return found
 
     return score
+
+
+def _rows(net: LeanNet, batches: list[LightBatch]) -> list[dict[str, float]]:
+    return [row for batch in batches for row in rows_of(net, *tensors_of(batch, _device(net)))]
 
 
 def _device(net: LeanNet) -> str:
