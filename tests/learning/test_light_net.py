@@ -15,11 +15,12 @@ torch = pytest.importorskip("torch", reason="needs ./train[torch]")
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles  # noqa: E402
 from anyprobe_train.light.drawing import POWER_FLOOR, MapDrawing  # noqa: E402
 from anyprobe_train.light.light_losses import LIGHT_WEIGHTS, LightLoss, total_of  # noqa: E402
-from anyprobe_train.light.light_run import LightRunConfig, keep_light, run_light  # noqa: E402
+from anyprobe_train.light.light_run import LightRunConfig, run_light  # noqa: E402
 from anyprobe_train.light.network import LeanNet  # noqa: E402
 from anyprobe_train.light.pictured import learned, mirrored_inputs, mirrored_truth, tensors_of  # noqa: E402
 from anyprobe_train.light.shape import ShapeNet  # noqa: E402
 from anyprobe_train.light.traced import traced_photos, with_traced  # noqa: E402
+from anyprobe_train.train.checkpoint import save_init_weights  # noqa: E402
 from anyprobe_train.train.muon import MuonAndAdam, orthogonal  # noqa: E402
 
 pytestmark = pytest.mark.ci
@@ -264,7 +265,7 @@ def test_kept_weights_go_on_in_another_folder_at_their_step(tmp_path) -> None:
 
     config = LightRunConfig(name="light", steps=4, batch=2, warmup=2)
     first = run_light(config, batches=batches, runs=tmp_path / "a", assets="stub", last=1)
-    keep_light(first, tmp_path / "kept.pt")
+    save_init_weights(first, tmp_path / "kept.pt", with_pairs=True)
     second = run_light(config, batches=batches, runs=tmp_path / "b", assets="stub", start=tmp_path / "kept.pt")
     old, new = (torch.load(path, weights_only=True) for path in (first, second))
     assert asked == [0, 1]

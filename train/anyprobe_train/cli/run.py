@@ -84,11 +84,11 @@ def export(
         text = "expected one network, got the paper's three; export them with anyprobe-train paper --graphs FOLDER"
         raise InputError(text, source=f"run {name!r}")
     from anyprobe_train.light.light_export import export_lean
-    from anyprobe_train.light.light_run import keep_light
+    from anyprobe_train.train.checkpoint import save_init_weights
 
     checkpoint = runs / name / "checkpoint.pt"
     if keep is not None:  # first: what training made is not lost where the export is refused
-        keep_light(checkpoint, keep)
+        save_init_weights(checkpoint, keep, with_pairs=True)
     print(f"{to / 'light.onnx'}: within {export_lean(checkpoint, to / 'light.onnx'):.2g} of torch")
 
 

@@ -15,7 +15,7 @@ from anyprobe_train.light.light_losses import LIGHT_WEIGHTS, LightLoss, total_of
 from anyprobe_train.light.network import LeanNet, LightInputs
 from anyprobe_train.light.pictured import LightTruth, learned, tensors_of
 from anyprobe_train.nets.blocks import autocast
-from anyprobe_train.train.checkpoint import keep_apart, load_weights, read_checkpoint, save_weights
+from anyprobe_train.train.checkpoint import load_weights, read_checkpoint
 from anyprobe_train.train.loop import learn
 from anyprobe_train.train.muon import MuonAndAdam
 
@@ -63,7 +63,7 @@ def run_light(
 ) -> Path:
     """Train to config.steps by train.loop.learn, which has the other arguments; the checkpoint's path.
 
-    assets: identity of what batches are drawn from. start: weights of `keep_light`.
+    assets: identity of what batches are drawn from. start: weights that `save_init_weights` kept.
     """
     torch.manual_seed(config.seed)
     torch.set_flush_denormal(True)
@@ -90,13 +90,6 @@ def run_light(
     columns, origin = (*LIGHT_WEIGHTS, "loss"), {"assets": assets}
     given = partial(learn, runs=runs, columns=columns, origin=origin, device=device, last=last, scored=scored)
     return given(config, net, optimizer, do_step, examples, start=start)
-
-
-def keep_light(checkpoint: Path, path: Path) -> None:
-    """Keep a run's weights, the mean of them, in half floats, to go on from in another run."""
-    stored = read_checkpoint(checkpoint)
-    keep_apart(checkpoint, path)
-    save_weights(stored["net"], path, stored["step"] * json.loads(stored["config"])["batch"])
 
 
 def load_lean_net(checkpoint: Path) -> tuple[LeanNet, dict[str, Any]]:

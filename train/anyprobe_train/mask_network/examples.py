@@ -1,6 +1,6 @@
 """Training examples: photos with prompts as users give them, and the cover of the object meant.
 
-MaskBatch number k is a function of (seed, k) alone, as for pairs: a run that was killed resumes with exactly the same
+Batch number k is a function of (seed, k) alone, as for pairs: a run that was killed resumes with exactly the same
 scenes. Photographing a scene again is far cheaper than a new scene: mirrored, cropped, by another phone.
 """
 
@@ -48,16 +48,8 @@ CLOSE_SIDES = (1.3, 2.4)
 """Range of the side of a close-up [longer sides of the object]."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class MaskBatch:
-    """MaskBatch of training examples, as tensors.
-
-    photo [B, 3, S, S]; of each P examples: prompt channel [B, P, S, S] and the target's cover, mask [B, P, S, S].
-    """
-
-    photo: torch.Tensor
-    prompt: torch.Tensor
-    mask: torch.Tensor
+MaskBatch = tuple[torch.Tensor, ...]
+"""Photos [B, 3, S, S]; of each P examples: prompt channel [B, P, S, S] and the target's cover [B, P, S, S]."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -86,8 +78,7 @@ def mask_batches(world: World, amounts: Amounts, first: int, last: int) -> Itera
             photos.append(photo.transpose(2, 0, 1))
             prompts.append([prompt for prompt, _ in asked])
             masks.append([mask for _, mask in asked])
-        drawn = {"photo": photos, "prompt": prompts, "mask": masks}
-        yield MaskBatch(**{name: torch.from_numpy(np.array(one, np.float32)) for name, one in drawn.items()})
+        yield tuple(torch.from_numpy(np.array(one, np.float32)) for one in (photos, prompts, masks))
 
 
 def unasked_target(shot: MaskPhoto) -> int | None:

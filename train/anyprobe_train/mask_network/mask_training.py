@@ -56,13 +56,6 @@ def mask_loss(logits: torch.Tensor, target: torch.Tensor) -> torch.Tensor:
     return 2.0 * entropy + ((1 - (shared + 1) / (either + 1)) * full).mean()
 
 
-def shrink_batch(batch: MaskBatch, size: int) -> MaskBatch:
-    """Downscale the examples to [B, C, size, size], averaged over areas."""
-    parts = (batch.photo, batch.prompt, batch.mask)
-    photo, prompt, mask = (F.interpolate(one, size=(size, size), mode="area") for one in parts)
-    return MaskBatch(photo=photo, prompt=prompt, mask=mask)
-
-
 def train_mask(
     config: MaskRunConfig,
     *,
@@ -95,17 +88,20 @@ def train_mask(
 
     def examples(first: int, last: int) -> Iterator[MaskBatch]:
         for step, batch in enumerate(batches(first, last), first):
-            yield shrink_batch(batch, config.small) if step < config.small_steps else batch
+            if step < config.small_steps:
+                batch = tuple(F.interpolate(one, size=(config.small, config.small), mode="area") for one in batch)
+            yield batch
 
     def do_step(batch: MaskBatch, rate: float) -> tuple[dict[str, torch.Tensor], int]:
         """Do one step; return the loss and the mean IoU of the examples that have a target."""
         for group in optimizer.param_groups:
             group["lr"] = rate
-        photo = batch.photo.repeat_interleave(batch.prompt.shape[1], dim=0)
-        image = torch.cat([photo, batch.prompt.flatten(0, 1)[:, None]], dim=1)
+        photo, prompt, target = batch
+        photo = photo.repeat_interleave(prompt.shape[1], dim=0)
+        image = torch.cat([photo, prompt.flatten(0, 1)[:, None]], dim=1)
         with autocast("cpu"):
             logits = net.logits(image.contiguous(memory_format=torch.channels_last)).float()
-        mask = batch.mask.flatten(0, 1)[:, None]
+        mask = target.flatten(0, 1)[:, None]
         loss = mask_loss(logits, mask)
         optimizer.zero_grad(set_to_none=True)
         loss.backward()

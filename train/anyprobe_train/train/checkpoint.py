@@ -20,14 +20,6 @@ CHANGEABLE = ("name", "steps")
 OPTIONS_OF = {"assets": "--data with", "start": "--init-weights with"}
 
 
-def agreed(path: Path, first: Mapping[str, Any], current: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the origin of the run at path, its checkpoint's and the current one; InputError if they differ."""
-    for name, value in current.items():
-        if first.get(name, value) != value:
-            raise _another_run(path, name, first[name], value)
-    return {**current, **first}
-
-
 def resumed(
     path: Path, config: Any, origin: dict[str, Any], start: Path | None, device: str = "cpu"
 ) -> tuple[dict[str, Any] | None, dict[str, Any]]:
@@ -60,7 +52,11 @@ def resumed(
             "give more --steps, or train in another --runs folder",
             source=path,
         )
-    return stored, agreed(path, stored.get("origin", {}), origin)
+    begun = stored.get("origin", {})
+    for name, value in origin.items():
+        if begun.get(name, value) != value:
+            raise _another_run(path, name, begun[name], value)
+    return stored, {**origin, **begun}
 
 
 def _another_run(path: Path, name: str, old: Any, current: Any) -> InputError:
@@ -133,11 +129,18 @@ SMALL = 1024
 """Size below which tensors stay float32 [numbers]: statistics and biases, which take little space."""
 
 
-def save_init_weights(checkpoint: Path, path: Path) -> None:
-    """Save a checkpoint's weights by save_weights; errors of read_checkpoint, keep_apart."""
+def save_init_weights(checkpoint: Path, path: Path, with_pairs: bool = False) -> None:
+    """Save a checkpoint's weights by save_weights, with the number of pairs they have seen or without.
+
+    Raises:
+        ModelError: of read_checkpoint.
+        InputError: path is the run's checkpoint, which bare weights must not replace.
+    """
     stored = read_checkpoint(checkpoint)
-    keep_apart(checkpoint, path)
-    save_weights(stored["net"], path)
+    if path.exists() and path.samefile(checkpoint):
+        text = "expected another file for the weights, got the run's own checkpoint; choose another"
+        raise InputError(text, source=path)
+    save_weights(stored["net"], path, stored["step"] * json.loads(stored["config"])["batch"] if with_pairs else None)
 
 
 def save_weights(weights: Mapping[str, torch.Tensor], path: Path, pairs: int | None = None) -> None:
@@ -152,14 +155,6 @@ def save_weights(weights: Mapping[str, torch.Tensor], path: Path, pairs: int | N
     with atomic_path(path) as temporary, zipfile.ZipFile(plain) as source, zipfile.ZipFile(temporary, "w") as target:
         for name in source.namelist():  # torch.load reads it; half floats shrink by a twelfth
             target.writestr(zipfile.ZipInfo(name), source.read(name), zipfile.ZIP_DEFLATED, compresslevel=9)
-
-
-def keep_apart(checkpoint: Path, path: Path) -> None:
-    """Raise InputError if path is the run's checkpoint, which bare weights must not replace."""
-    if checkpoint.exists() and path.exists() and path.samefile(checkpoint):
-        raise InputError(
-            "expected another file for the weights, got the run's own checkpoint; choose another", source=path
-        )
 
 
 def init_weights_id(path: Path) -> str:
