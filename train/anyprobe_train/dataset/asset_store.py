@@ -4,6 +4,7 @@ import hashlib
 from collections.abc import Callable, Iterable
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -55,26 +56,20 @@ def _lookup(kind: str, key: str, known: dict[str, Asset]) -> Asset:
     return known[key]
 
 
-def _own_id(kind: str, seed: int, index: int) -> str:
-    return hashlib.sha256(f"{kind} {PROCEDURAL_VERSION} {seed} {index}".encode()).hexdigest()[:8]
+def _own(kind: str, seed: int, index: int) -> dict[str, Any]:
+    digest = hashlib.sha256(f"{kind} {PROCEDURAL_VERSION} {seed} {index}".encode()).hexdigest()
+    return {"id": digest[:8], "name": f"own-{kind}-{seed}-{index}", "licence": "own"}
 
 
 def own_map(seed: int, index: int) -> MapAsset:
     """Generate procedural map number `index` of a seed."""
     radiance, indoor = draw_map(np.random.default_rng((seed, 1, index)))
-    return MapAsset(
-        id=_own_id("map", seed, index), name=f"own-map-{seed}-{index}", licence="own", indoor=indoor, radiance=radiance
-    )
+    return MapAsset(**_own("map", seed, index), indoor=indoor, radiance=radiance)
 
 
 def own_shape(seed: int, index: int) -> ShapeAsset:
     """Generate procedural shape number `index` of a seed."""
-    return ShapeAsset(
-        id=_own_id("shape", seed, index),
-        name=f"own-shape-{seed}-{index}",
-        licence="own",
-        mesh=draw_shape(np.random.default_rng((seed, 2, index))),
-    )
+    return ShapeAsset(**_own("shape", seed, index), mesh=draw_shape(np.random.default_rng((seed, 2, index))))
 
 
 def load_asset_store(
@@ -82,14 +77,13 @@ def load_asset_store(
     split: str,
     *,
     commercial_only: bool = True,
-    extra: bool = True,
     procedural_maps: int = 0,
     procedural_shapes: int = 0,
     with_shapes: bool = True,
     seed: int = 5,
     report: Callable[[str], None] | None = None,
 ) -> AssetStore:
-    """Load the assets of data/{hdri,meshes}/<split>, with `extra` those of hdri/train_extra, and procedural ones.
+    """Load the assets of data/{hdri,meshes}/<split>, for training those of hdri/train_extra, and procedural ones.
 
     Where shapes are not asked for, data has to have none. Without data everything is our own; test assets are then
     drawn from another seed.
@@ -98,7 +92,7 @@ def load_asset_store(
     shapes: list[ShapeAsset] = []
     if data is not None:
         folders = [data / "hdri" / split]
-        if extra and split == "train" and (data / "hdri" / "train_extra").is_dir():
+        if split == "train" and (data / "hdri" / "train_extra").is_dir():
             folders.append(data / "hdri" / "train_extra")
         for folder in folders:
             maps += load_maps(folder, commercial_only=commercial_only, report=report)

@@ -22,7 +22,6 @@ from anyprobe_train.world.photo import (
     SQUARE_PX,
     Frame,
     Seen,
-    background_of,
     draw_photo_frame,
     lit_scene,
     object_over,
@@ -35,12 +34,15 @@ from anyprobe_train.world.photo import (
     share_in_photo,
     standing_points,
 )
+from anyprobe_train.world.shading import picture
 from anyprobe_train.world.views import CAMERAS, SHAPES, Views, shape_files
 from anyprobe_train.world.windows import Window, on_sphere, window_resampled
 
 PHOTO_FAMILIES = ("ground", "table", "things", "dark", "procedural", "cut_out", "no_object")
 SHARES = (0.22, 0.18, 0.17, 0.09, 0.08, 0.21, 0.05)
 LIGHT_OF = {"ground": "ground", "table": "real", "things": "real", "dark": "dark", "procedural": "procedural"}
+LAYOUTS_OF = {"cut_out": ("none", "none", "table", "things"), "no_object": ("ground", "none", "table", "things")}
+"""Families whose layouts those of some others have, each as often."""
 PHOTOS_OF_LIGHT = 6
 """Photos that share a light, each with another object, camera and layout."""
 MOST_SAID, NORMALS = 3, 48
@@ -171,7 +173,7 @@ class Traced:
 def take(world: World, family: str, light: Light, k: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
     """Draw and take one photo: the arrays of LightBatch without their first axis."""
     view = world.views[int(rng.integers(world.count(k)))]
-    surroundings = _surroundings(family, rng)
+    surroundings = LAYOUTS_OF[family][rng.integers(4)] if family in LAYOUTS_OF else family
     others = companions(world, view, k, rng) if surroundings in WITH_OTHERS else []
     layout = draw_layout(rng, surroundings, view, light, world.maps, others)
     return _tensors(family, trace(world.maps, family, layout, view, rng), rng)
@@ -208,7 +210,10 @@ def trace(
     behind, in_photo = None, share_in_photo(frame, frame.square, size)
     if family != "cut_out":
         wanted = (in_photo > 0) & (cv2.erode(own[..., 3], np.ones((5, 5))) < 0.999)  # beside the object
-        behind = background_of(scene, frame, seen, wanted, seed + 2)
+        shown = np.eye(3), 1.0, np.zeros((1, 1, 3), np.float32), np.zeros((1, 1), np.float32)
+        if seen is not None:
+            shown = seen.camera, seen.tangent, seen.radiance, seen.cover
+        behind = picture(*scene, frame.camera, frame.most, wanted, *shown, seed + 2)
         for other in others:
             behind = other[..., :3] + (1 - other[..., 3:]) * behind
     truth = probe_map(*scene, (0.0, float(view["top"]) / 2, 0.0), frame.camera, 64)
@@ -228,15 +233,6 @@ def trace(
     )
 
 
-def _surroundings(family: str, rng: np.random.Generator) -> str:
-    """Return the family whose layout a photo has."""
-    if family == "cut_out":
-        return ("none", "none", "table", "things")[rng.integers(4)]
-    if family == "no_object":
-        return ("ground", "none", "table", "things")[rng.integers(4)]
-    return family
-
-
 def companions(world: World, view: np.void, k: int, rng: np.random.Generator, most: int = 2) -> list[np.void]:
     """Return up to so many views whose cameras look down as steeply as a view's."""
     found: list[np.void] = []
@@ -253,18 +249,18 @@ def _tensors(family: str, traced: Traced, rng: np.random.Generator) -> dict[str,
     """Photograph what was traced."""
     frame, seen, behind, truth = traced.frame, traced.seen, traced.behind, traced.truth
     own, in_photo, most, whole = traced.own, traced.in_photo, frame.most, frame.square
-    picture = own[..., :3] if behind is None else own[..., :3] + (1 - own[..., 3:]) * behind
+    radiance = own[..., :3] if behind is None else own[..., :3] + (1 - own[..., 3:]) * behind
     object_mean = None
     if seen is not None:
         mean = (seen.radiance * seen.cover[..., None]).sum((0, 1)) / seen.cover.sum()
         object_mean = max(float(luminance(mean)), 1e-9)
-    in_frame = luminance(picture)[in_photo > 0.5] if behind is not None else np.zeros(0)
+    in_frame = luminance(radiance)[in_photo > 0.5] if behind is not None else np.zeros(0)
     look = draw_look(rng, object_mean, in_frame, truth)
     mask, window = (None, None) if seen is None else _drawn_mask(seen, frame, family, rng)
     crop_window = _crop_window(mask, window)
     blur = look.blur * (crop_window[1] - crop_window[0]) / (2 * most)
     context = np.zeros((SQUARE_PX, SQUARE_PX, 5), np.uint8)
-    shown = develop(look, picture, whole, frame.tangents, blur, rng)
+    shown = develop(look, radiance, whole, frame.tangents, blur, rng)
     cut = None
     if behind is None:
         cut = np.uint8(round(255 * BACKDROPS[rng.integers(len(BACKDROPS))]))

@@ -18,6 +18,8 @@ ALBEDO = {"wood": (0.08, 0.6), "cloth": (0.05, 0.75), "stone": (0.15, 0.6), "pla
 """Bounds of the mean albedo; even in its logarithm between."""
 COATED = {"wood": 0.6, "cloth": 0.0, "stone": 0.4, "plain": 0.5}
 """How many have a sheen (varnish, polish), of GGX width .08 to .4; the rest is rough."""
+DYED = {"cloth": 0.7, "plain": 0.35}
+"""How many are of a strong colour."""
 MOST = 0.9
 """Albedo of no channel is above it."""
 
@@ -39,7 +41,9 @@ def draw_cover(rng: np.random.Generator, kind: str | None = None) -> Cover:
     pattern, contrast, side = _pattern(rng, kind)
     value = float(np.exp(rng.uniform(*np.log(ALBEDO[kind]))))
     warm = abs(rng.normal(0.0, 0.25)) if kind == "wood" else rng.normal(0.05, 0.08)
-    tint = np.exp(np.array([warm, 0.0, -1.3 * warm]) + rng.normal(0.0, 0.3 if _dyed(rng, kind) else 0.02, 3))
+    tint = np.exp(
+        np.array([warm, 0.0, -1.3 * warm]) + rng.normal(0.0, 0.3 if rng.random() < DYED.get(kind, 0.0) else 0.02, 3)
+    )
     factor = np.exp(contrast * pattern)
     other = np.exp(rng.normal(0.0, 0.06, 3))  # lighter places are of another hue
     albedo = (factor / factor.mean())[..., None] * tint * other ** pattern[..., None].clip(-2, 2)
@@ -47,10 +51,6 @@ def draw_cover(rng: np.random.Generator, kind: str | None = None) -> Cover:
     coated = rng.random() < COATED[kind]
     alpha = float(np.exp(rng.uniform(*np.log((0.08, 0.4) if coated else (0.5, 1.0)))))
     return Cover(kind=kind, albedo=albedo.astype(np.float32), alpha=alpha, side=side)
-
-
-def _dyed(rng: np.random.Generator, kind: str) -> bool:
-    return bool(rng.random() < {"cloth": 0.7, "plain": 0.35}.get(kind, 0.0))
 
 
 def _pattern(rng: np.random.Generator, kind: str) -> tuple[np.ndarray, float, float]:

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -172,7 +171,7 @@ def make_light(radiance: np.ndarray, outdoors: float, name: str, most: int = MOS
         ratio = np.clip(soft / np.maximum(small, 1e-9), 0.0, 1.0).astype(np.float32)
         near = np.zeros(ratio.shape[:2], bool)
         for one in found:  # of sources that are not kept, all is in the sky
-            near |= _directions() @ one.direction > np.cos(np.radians(REACH_DEG))
+            near |= pixel_directions(SPLIT_ROWS) @ one.direction > np.cos(np.radians(REACH_DEG))
         ratio[~near] = 1.0
         rest = radiance * ratio.repeat(LIGHT_ROWS // SPLIT_ROWS, 0).repeat(LIGHT_ROWS // SPLIT_ROWS, 1)
     else:
@@ -186,11 +185,6 @@ def make_light(radiance: np.ndarray, outdoors: float, name: str, most: int = MOS
         outdoors=outdoors,
         name=name,
     )
-
-
-@lru_cache(maxsize=1)
-def _directions() -> np.ndarray:
-    return pixel_directions(SPLIT_ROWS)
 
 
 def draw_light(rng: np.random.Generator, maps: Maps, kind: str) -> Light:

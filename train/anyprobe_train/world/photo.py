@@ -16,7 +16,7 @@ from anyprobe_train.world.kernels import light_panels
 from anyprobe_train.world.layout import Layout, Standing, build_scene
 from anyprobe_train.world.maps import Maps
 from anyprobe_train.world.scene import BODY, BODY_SIZE, EYE, GLOW, SKY_ROWS, TEXELS, TracedScene
-from anyprobe_train.world.shading import picture, received, seen_along, shade_object
+from anyprobe_train.world.shading import received, seen_along, shade_object
 from anyprobe_train.world.views import (
     COARSE,
     SEEN_PX,
@@ -278,15 +278,6 @@ def plane_box(seen: Seen, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
 def object_over(seen: Seen, frame: Frame, window: Window, size: int) -> np.ndarray:
     """Return premultiplied radiance and cover of the object over a window of the photo's plane, [size, size, 4]."""
     return over_window(seen.covered, seen, frame, window, size)
-
-
-def background_of(scene: TracedScene, frame: Frame, seen: Seen | None, wanted: np.ndarray, seed: int) -> np.ndarray:
-    """Return the photo without the object over the context's square, in the pixels `wanted` [S, S], [S, S, 3]."""
-    if seen is None:
-        view = np.eye(3), 1.0, np.zeros((1, 1, 3), np.float32), np.zeros((1, 1), np.float32)
-    else:
-        view = seen.camera, seen.tangent, seen.radiance, seen.cover
-    return picture(*scene, frame.camera, frame.most, wanted, *view, seed)
 
 
 def share_in_photo(frame: Frame, window: Window, size: int = SQUARE_PX) -> np.ndarray:
