@@ -18,9 +18,10 @@ from anyprobe.core.response import response
 from anyprobe.light.environment import MAP_HEIGHT, integral
 from anyprobe.light.harmonics import COSINE_LOBE, project
 from anyprobe.light.light_sources import find_dominant_light
+from anyprobe.paper.chain import LN_SCALE
 from anyprobe.render.spheres import sphere_normals
 from anyprobe.render.surface import Surface, frame_object, see
-from anyprobe_train.dataset.pair import LN_RANGE, Pair
+from anyprobe_train.dataset.pair import Pair
 from anyprobe_train.dataset.random_shapes import lathe
 from anyprobe_train.evaluate.methods import Estimate
 from anyprobe_train.evaluate.metrics import (
@@ -43,8 +44,8 @@ VIRTUAL = {"albedo": 0.5, "f0": 0.05, "alpha": 0.2}
 
 
 def ln_unit(radiance: np.ndarray) -> np.ndarray:
-    """ln radiance with LN_RANGE, -7 to 9, brought to 0 to 1 and clipped."""
-    low, high = LN_RANGE
+    """ln radiance with LN_SCALE, -7 to 9, brought to 0 to 1 and clipped."""
+    low, high = LN_SCALE
     ln = np.log(np.clip(radiance, np.exp(low), np.exp(high)))
     return (ln - low) / (high - low)
 

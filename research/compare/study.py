@@ -24,7 +24,7 @@ SOMETIMES = ("lights_deg", "lights_published_deg")
 def means(scores: Scores, method: str, group: str = "all") -> dict[str, float]:
     """Mean of every figure over the group's pairs that have it; "<name>_median" of MEDIANS, and "<name>_pairs", how
     many have it, of SOMETIMES."""
-    chosen = scores.of_group(method, group)
+    chosen = [row for row, member in zip(scores.rows[method], scores.groups, strict=True) if group in member]
     result = {}
     for name in dict.fromkeys(name for row in chosen for name in row):
         values = [row[name] for row in chosen if name in row]

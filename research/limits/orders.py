@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
-from anyprobe_train.dataset.pair import LN_RANGE
+from anyprobe.paper.chain import LN_SCALE
 from research.harmonics import real_basis
 
 ORDERS = 9
@@ -31,6 +31,6 @@ def order_powers(difference: np.ndarray) -> np.ndarray:
 
 
 def ln_error(estimate: np.ndarray, truth: np.ndarray) -> np.ndarray:
-    """Power of the error of ln radiance, clipped to LN_RANGE, in each order: [ORDERS]."""
-    p, g = (np.log(np.clip(one, *np.exp(LN_RANGE))) for one in (estimate, truth))
+    """Power of the error of ln radiance, clipped to LN_SCALE, in each order: [ORDERS]."""
+    p, g = (np.log(np.clip(one, *np.exp(LN_SCALE))) for one in (estimate, truth))
     return order_powers((p - g).astype(np.float32))

@@ -32,8 +32,6 @@ Trace = Callable[[Mesh, Camera, np.ndarray, Material], np.ndarray]
 [3] or [F, 3, 3] at the corners of the faces, to linear RGB (and more) [S, S, 3+]."""
 
 NUM_SAMPLES = 64
-LN_RANGE = (-7.0, 9.0)
-"""Range of ln radiance in targets: 0.001 to 8000 of the photo's white."""
 PAINTED_ALBEDO = 0.95
 """Largest albedo under a texture."""
 

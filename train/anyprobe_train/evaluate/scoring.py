@@ -181,10 +181,6 @@ class Scores:
         for method, row in figures.items():
             self.rows.setdefault(method, []).append(row)
 
-    def of_group(self, method: str, group: str) -> list[dict[str, float]]:
-        """Return a method's figures on the pairs of a group."""
-        return [row for row, member in zip(self.rows[method], self.groups, strict=True) if group in member]
-
     def table(self) -> dict[str, dict[str, dict[str, float]]]:
         """Return the means: method -> group -> metric; groups without a pair are left out."""
 
