@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from importlib import resources
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -62,10 +63,7 @@ GROUPS: dict[str, Group] = {
     "diffuse": lambda pair, single: not pair.specular,
     "indoor": lambda pair, single: pair.indoor,
     "outdoor": lambda pair, single: not pair.indoor,
-    **{
-        f"alpha {low:g}-{min(high, 1.0):g}": _alpha_within(low, high)
-        for low, high in zip(ALPHA_EDGES[:-1], ALPHA_EDGES[1:], strict=True)
-    },
+    **{f"alpha {low:g}-{min(high, 1.0):g}": _alpha_within(low, high) for low, high in pairwise(ALPHA_EDGES)},
     "one light": lambda pair, single: single,
     "one light, shiny": lambda pair, single: single and pair.material.alpha < SHINY,
     "one light, diffuse": lambda pair, single: single and not pair.specular,

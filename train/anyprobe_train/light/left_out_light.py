@@ -108,14 +108,10 @@ def score_whole_photos(net: LeanNet, batches: list[LightBatch]) -> dict[str, flo
             without += rows_of(net, bare, _picked(truth, some))
     whole_rows = [row for row in rows if row["family"] < PHOTO_FAMILIES.index("cut_out")]
     found = summary(whole_rows, "")
-    for number, name in enumerate(PHOTO_FAMILIES):
-        own = [row for row in rows if row["family"] == number]
-        if own:
-            short = summary(own, f"{name}_")
-            found |= {key: short[key] for key in short if key.endswith(("_ldr_rmse", "_dominant_deg"))}
-    if without:
-        short = summary(without, "without_")
-        found |= {key: short[key] for key in ("without_ldr_rmse", "without_dominant_deg")}
+    parts = {name: [row for row in rows if row["family"] == number] for number, name in enumerate(PHOTO_FAMILIES)}
+    for name, own in {**parts, "without": without}.items():
+        short = summary(own, f"{name}_") if own else {}
+        found |= {key: short[key] for key in short if key.endswith(("_ldr_rmse", "_dominant_deg"))}
     return found
 
 

@@ -145,13 +145,10 @@ class LeanNet(nn.Module):
     coarse_directions: torch.Tensor
     grid: torch.Tensor
 
-    def __init__(
-        self,
-        context: tuple[int, int, int, int] = (12, 24, 56, 112),
-        crop: tuple[int, int, int, int] = (16, 32, 72, 112),
-        sphere: tuple[int, int, int, int, int] = (16, 40, 32, 64, 80),
-    ) -> None:
+    def __init__(self) -> None:
         super().__init__()
+        context, crop = (12, 24, 56, 112), (16, 32, 72, 112)
+        last, decoded, fine, coarse, middle = 16, 40, 32, 64, 80
         self.context = Tower(5 + 3, context, 192)
         self.crop = Tower(4 + 2, crop, CODE_LENGTH)
         self.shape = ShapeNet()
@@ -161,7 +158,6 @@ class LeanNet(nn.Module):
         self.features = nn.Conv2d(crop[1], LIFTED - 3, 3, padding=1)
         self.together = nn.Sequential(nn.Linear(192 + CODE_LENGTH + 5 + 3 + 8 + 3 + 1, CODE_LENGTH), nn.LeakyReLU(0.1))
         self.posture = nn.Linear(CODE_LENGTH, 3)
-        last, decoded, fine, coarse, middle = sphere
         near = 5 + 3 + 2
         self.start = nn.Sequential(nn.Linear(CODE_LENGTH, LAID_CHANNELS * 2 * MATTE_ROWS**2), nn.LeakyReLU(0.1))
         self.enter = SphereConv(16 + near, fine, stride=2)

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from anyprobe.files.atomic import atomic_path
-from anyprobe_train.dataset.catalog import load_maps
+from anyprobe_train.dataset.catalog import allows_commercial_use, load_maps
 from anyprobe_train.dataset.room import room
 from anyprobe_train.dataset.sky import sky, studio
 from anyprobe_train.world.covers import draw_cover
@@ -81,9 +81,8 @@ def _kept(cache: Path, name: str, make: Callable[[], dict[str, np.ndarray]]) -> 
 
 def _real(data: Path, part: str) -> dict[str, np.ndarray]:
     folders = [folder for folder in (data / "hdri" / "train", data / "hdri" / "train_extra") if folder.is_dir()]
-    everything = [one for folder in folders for one in load_maps(folder) if not one.lifted]
-    learned = {one.id for folder in folders for one in load_maps(folder, commercial_only=True)}
-    unique = {one.id: one for one in everything if (one.id in learned) == (part == "train")}
+    measured = [one for folder in folders for one in load_maps(folder) if not one.lifted]
+    unique = {one.id: one for one in measured if allows_commercial_use(one.licence) == (part == "train")}
     chosen = sorted(unique.values(), key=lambda one: one.name)
     categories: dict[str, str] = {}
     for manifest in sorted((data / "hdri").rglob("manifest.csv")):
