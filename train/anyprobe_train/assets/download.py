@@ -70,14 +70,10 @@ class RemoteFile:
     size: int | None = None
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Outcome:
-    """Status of a file: fetched, complete (it was there), kept (a file of the user's), cannot be had, or failed; and
-    why."""
-
-    name: str
-    status: str
-    why: str = ""
+Fetch = tuple[str, Callable[[], str]]
+"""The name of a file, and what fetches it and says its status: fetched, complete (it was there), kept (a file of the
+user's), or cannot be had, and after a colon why. It may raise an AnyprobeError; after ServerBusy no other file is to be
+asked for."""
 
 
 class Client:

@@ -12,16 +12,17 @@ import csv
 import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import OpenEXR
 
-from anyprobe.errors import AnyprobeError, InvalidEnvironment, InvalidMesh
+from anyprobe.errors import InvalidEnvironment, InvalidMesh
 from anyprobe.files.atomic import atomic_path
 from anyprobe.maps.exr import read_exr
 from anyprobe.maps.radiance import decode_hdr
-from anyprobe_train.assets.download import Client, DownloadError, Outcome, RemoteFile, ServerBusy
+from anyprobe_train.assets.download import Client, DownloadError, Fetch, RemoteFile
 from anyprobe_train.assets.manifest import Manifest
 from anyprobe_train.dataset.recipe import digest, read_recipes
 from anyprobe_train.evaluate.scoring import FROZEN
@@ -70,51 +71,44 @@ def frozen_files(table: Path = TABLE) -> list[FrozenFile]:
         return [FrozenFile(**row) for row in csv.DictReader(stream)]
 
 
-def fetch_all(files: list[FrozenFile], to: Path, client: Client, host: str = HOST) -> Iterator[Outcome]:
-    """Make each file in turn, and say what became of it; then write the recipes that the files suffice for.
-
-    Raises:
-        ServerBusy: ask for no other file either.
-    """
+def fetch_all(files: list[FrozenFile], to: Path, client: Client, host: str = HOST) -> Iterator[Fetch]:
+    """Yield what makes each file, in turn; then write the recipes that the files suffice for."""
     there: set[str] = set()
     for one in files:
-        outcome = _fetch(one, to, client, host)
-        if outcome.status in ("fetched", "complete"):
+        yield one.file, partial(_fetch, one, to, client, host)
+        if _is_whole(one, to):
             there.add(one.sha256[:8])
-        yield outcome
     recipes = [one for one in read_recipes(FROZEN) if {one.map_id, one.shape_id} <= there]
     lines = [f"# {digest(recipes)}", *(one.to_hex() for one in recipes)]
     with atomic_path(to / RECIPES) as temporary:
         temporary.write_text("\n".join(lines) + "\n", encoding="ascii")
 
 
-def _fetch(one: FrozenFile, to: Path, client: Client, host: str) -> Outcome:
+def _is_whole(one: FrozenFile, to: Path) -> bool:
     target = to / one.file
-    if target.is_file() and hashlib.sha256(target.read_bytes()).hexdigest() == one.sha256:
-        return Outcome(name=one.file, status="complete")
+    return target.is_file() and hashlib.sha256(target.read_bytes()).hexdigest() == one.sha256
+
+
+def _fetch(one: FrozenFile, to: Path, client: Client, host: str) -> str:
+    if _is_whole(one, to):
+        return "complete"
     if not one.md5:
-        why = f"prepared by software that was not recorded, from {one.source}"
-        return Outcome(name=one.file, status="cannot be had", why=why)
-    url = f"{host.rstrip('/')}/{one.repository}/{one.commit}/{one.path}"
-    try:
-        data = client.download(RemoteFile(url=url, md5=one.md5))
-        with atomic_path(target) as temporary:
-            (_make_map if target.suffix == ".exr" else _make_shape)(one, data, temporary)
-            found = hashlib.sha256(temporary.read_bytes()).hexdigest()
-            if found != one.sha256:
-                raise DownloadError(
-                    f"expected SHA-256 {one.sha256} after conversion, got {found}; OpenEXR or NumPy of this machine "
-                    "write other bytes"
-                )
-            manifest = Manifest(to / Path(one.file).parts[0] / "manifest.csv", COLUMNS)
-            name = "/".join(Path(one.file).parts[1:])
-            row = {"file": name, "category": one.category, "licence": one.licence, "source": one.source}
-            manifest.put(row | {"url": url, "md5": one.md5, "split": "test"})
-    except ServerBusy:
-        raise
-    except AnyprobeError as error:
-        return Outcome(name=one.file, status="failed", why=str(error))
-    return Outcome(name=one.file, status="fetched")
+        return f"cannot be had: prepared by software that was not recorded, from {one.source}"
+    target, url = to / one.file, f"{host.rstrip('/')}/{one.repository}/{one.commit}/{one.path}"
+    data = client.download(RemoteFile(url=url, md5=one.md5))
+    with atomic_path(target) as temporary:
+        (_make_map if target.suffix == ".exr" else _make_shape)(one, data, temporary)
+        found = hashlib.sha256(temporary.read_bytes()).hexdigest()
+        if found != one.sha256:
+            raise DownloadError(
+                f"expected SHA-256 {one.sha256} after conversion, got {found}; OpenEXR or NumPy of this machine "
+                "write other bytes"
+            )
+        manifest = Manifest(to / Path(one.file).parts[0] / "manifest.csv", COLUMNS)
+        name = "/".join(Path(one.file).parts[1:])
+        row = {"file": name, "category": one.category, "licence": one.licence, "source": one.source}
+        manifest.put(row | {"url": url, "md5": one.md5, "split": "test"})
+    return "fetched"
 
 
 def _make_map(one: FrozenFile, data: bytes, target: Path) -> None:

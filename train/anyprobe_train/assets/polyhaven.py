@@ -17,11 +17,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from anyprobe.errors import AnyprobeError, InputError
+from anyprobe.errors import InputError
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.objects import read_mesh
 from anyprobe.maps.radiance import read_radiance
-from anyprobe_train.assets.download import Client, DownloadError, Outcome, RemoteFile, ServerBusy, md5_of
+from anyprobe_train.assets.download import Client, DownloadError, RemoteFile, md5_of
 from anyprobe_train.assets.manifest import Manifest
 
 API = "https://api.polyhaven.com"
@@ -121,21 +121,9 @@ class Library:
             kind: Manifest(Path(self.root) / name / "manifest.csv", COLUMNS) for kind, name in FOLDERS.items()
         }
 
-    def fetch(self, asset: Asset) -> Outcome:
-        """Bring one asset into the folder.
-
-        Raises:
-            ServerBusy: ask for no other asset either.
-        """
-        try:
-            return Outcome(name=asset.slug, status=self._fetch(asset, split_of(asset.slug, self.test_share)))
-        except ServerBusy:
-            raise
-        except AnyprobeError as error:
-            return Outcome(name=asset.slug, status="failed", why=str(error))
-
-    def _fetch(self, asset: Asset, split: str) -> str:
-        manifest = self.manifests[asset.kind]
+    def fetch(self, asset: Asset) -> str:
+        """Bring one asset into the folder; see download.Fetch."""
+        manifest, split = self.manifests[asset.kind], split_of(asset.slug, self.test_share)
         folder = manifest.path.parent
         is_map = asset.kind == "hdris"
         resolution = self.resolution if is_map else ""  # a model's triangles do not depend on it

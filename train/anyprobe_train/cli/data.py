@@ -5,6 +5,7 @@ anyprobe-train data test DIR: the files of the frozen test set, each from its ow
 import sys
 from collections import Counter
 from collections.abc import Iterable
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -14,9 +15,9 @@ from rich.table import Table
 
 from anyprobe.cli.app import new_app, print_table
 from anyprobe.cli.options import bounded
-from anyprobe.errors import InputError
+from anyprobe.errors import AnyprobeError, InputError
 from anyprobe_train.assets import frozen_set, polyhaven
-from anyprobe_train.assets.download import PAUSE_S, Client, Outcome, ServerBusy
+from anyprobe_train.assets.download import PAUSE_S, Client, Fetch, ServerBusy
 
 app = new_app("Download maps and shapes.", name="data")
 
@@ -60,7 +61,7 @@ def fetch(
         _list(chosen, split)
         return
     library = polyhaven.Library(to, client, api=api, resolution=resolution, map_format=map_format, test_share=split)
-    is_whole = _report(map(library.fetch, chosen), len(chosen), talk)
+    is_whole = _report(((one.slug, partial(library.fetch, one)) for one in chosen), len(chosen), talk)
     manifests = ", ".join(str(to / polyhaven.FOLDERS[one] / "manifest.csv") for one in kinds)
     talk.print(f"Powered by Poly Haven (https://polyhaven.com), CC0; authors: {manifests}", soft_wrap=True)
     if not is_whole:
@@ -84,18 +85,21 @@ def fetch_test(
     print(to / frozen_set.RECIPES)
 
 
-def _report(outcomes: Iterable[Outcome], count: int, talk: Console) -> bool:
-    """Say what becomes of each of so many files, and in the end of all; return whether none failed or was left."""
+def _report(files: Iterable[Fetch], count: int, talk: Console) -> bool:
+    """Fetch so many files, say what becomes of each, and in the end of all; return whether none failed or was left."""
     counts: Counter[str] = Counter()
-    try:
-        for number, one in enumerate(outcomes, 1):
-            counts[one.status] += 1
-            why = " ".join(one.why.splitlines())
-            said = f"{number}/{count} {one.name}: {one.status}{why and f': {why}'}"
-            talk.print(f"anyprobe: {one.name}: {why}" if one.status == "failed" else said, soft_wrap=True)
-    except ServerBusy as error:
-        talk.print(f"anyprobe: {error}", soft_wrap=True)
-        counts["not tried"] = count - counts.total()
+    for number, (name, fetch) in enumerate(files, 1):
+        try:
+            outcome = fetch()
+            counts[outcome.partition(":")[0]] += 1
+            talk.print(f"{number}/{count} {name}: {outcome}", soft_wrap=True)
+        except ServerBusy as error:
+            talk.print(f"anyprobe: {error}", soft_wrap=True)
+            counts["not tried"] = count - counts.total()
+            break
+        except AnyprobeError as error:
+            counts["failed"] += 1
+            talk.print(f"anyprobe: {name}: {' '.join(str(error).splitlines())}", soft_wrap=True)
     talk.print(", ".join(f"{some} {status}" for status, some in counts.items()), soft_wrap=True)
     return not counts["failed"] and "not tried" not in counts
 
