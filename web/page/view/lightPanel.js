@@ -68,19 +68,14 @@ export class LightPanel {
     for (const button of document.querySelectorAll("#downloads button, #export")) button.disabled = !isReady;
   }
 
-  /** Of map and spheres; the photo keeps its own. */
-  get #exposureEv() {
-    return Number(this.exposure.value);
-  }
-
   #drawSpheres() {
     if (!this.shaded) return;
-    const exposureEv = this.#exposureEv + unclippedEv(this.shaded);
+    const exposureEv = Number(this.exposure.value) + unclippedEv(this.shaded);
     for (const name of SPHERE_NAMES) drawSphere(this.spheres[name], this.shaded[name], exposureEv);
   }
 
   #drawMap() {
-    const exposure = this.#exposureEv;
+    const exposure = Number(this.exposure.value);
     element("exposure-value").textContent = `${exposure.toFixed(1).replace("-", "−")} EV`;
     if (this.result) drawMap(element("map"), this.result.light.radiance, exposure, this.falseColor.checked);
   }
@@ -92,8 +87,7 @@ export class LightPanel {
     this.#addButton(".png", () => new Promise((done) => element("map").toBlob(done)), "png", AS_SHOWN);
     element("targets-row").hidden = !server;
     for (const target of targets) {
-      const title = TITLES[target] ?? target[0].toUpperCase() + target.slice(1);
-      element("targets").add(new Option(title, target));
+      element("targets").add(new Option(TITLES[target] ?? target[0].toUpperCase() + target.slice(1), target));
     }
     element("export").disabled = true;
     element("export").addEventListener("click", () => {
