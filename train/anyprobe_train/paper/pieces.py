@@ -1,7 +1,7 @@
 """Everything that a reproduction trains, in order: what is needed first comes first."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, TypeAlias
 
 import torch
 from torch import nn
@@ -11,6 +11,9 @@ from anyprobe_train.paper.networks import HdrNet, IlluminationNet, IrradianceNet
 from anyprobe_train.paper.pairs import PaperPairs
 from anyprobe_train.paper.rivals import MirrorNet, MirrorSphereNet, spheres_of, unwrapped_mirror, unwrapped_sphere
 from anyprobe_train.paper.settings import Setting
+
+if TYPE_CHECKING:
+    from anyprobe_train.paper.real_photos import RealPhotos
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -67,15 +70,8 @@ def network_of(piece: Piece, setting: Setting) -> nn.Module:
     return kind(setting.side, setting.rows, setting.width, setting.code)
 
 
-class Shown(Protocol):
-    """Pictures of objects: photo [N, 4, S, S], mask [N, 1, S, S], normals [N, 3, S, S], zero off the object."""
-
-    @property
-    def photo(self) -> torch.Tensor: ...
-    @property
-    def mask(self) -> torch.Tensor: ...
-    @property
-    def normals(self) -> torch.Tensor: ...
+Shown: TypeAlias = "PaperPairs | RealPhotos"
+"""Pictures of objects: photo [N, 4, S, S], mask [N, 1, S, S], normals [N, 3, S, S], zero off the object."""
 
 
 def input_of(piece: Piece, shown: Shown, irradiance_net: nn.Module | None) -> torch.Tensor:

@@ -9,6 +9,7 @@ import numpy as np
 import torch
 from torch.nn import functional as F
 
+from anyprobe.core.frames import normalize
 from anyprobe.errors import InputError
 from anyprobe.estimate.photo import Photo, inputs_of, load_photo
 from anyprobe.estimate.runtime import Models, crop_of
@@ -77,19 +78,16 @@ def lamp_photos(folder: Path) -> list[LampPhoto]:
         rows = list(csv.DictReader(stream))
     if not rows:
         raise InputError("expected a row for each photo, got none", source=folder / "lights.csv")
-    found = []
-    for row in rows:
-        lamp = np.array([float(row[axis]) for axis in "xyz"])
-        found.append(
-            LampPhoto(
-                file=folder / row["file"],
-                mask=folder / row["mask"],
-                object=row["object"],
-                is_specular=GLOSSY in row["material"],
-                lamp=lamp / np.linalg.norm(lamp),
-            )
+    return [
+        LampPhoto(
+            file=folder / row["file"],
+            mask=folder / row["mask"],
+            object=row["object"],
+            is_specular=GLOSSY in row["material"],
+            lamp=normalize(np.array([float(row[axis]) for axis in "xyz"])),
         )
-    return found
+        for row in rows
+    ]
 
 
 def masked_photos(folder: Path) -> list[tuple[Path, Path]]:

@@ -1,6 +1,7 @@
 """The whole reproduction in order: tables, then every piece."""
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import torch
@@ -13,10 +14,8 @@ from anyprobe_train.paper.table_1 import write_table
 from anyprobe_train.paper.training import is_trained, train
 from anyprobe_train.train.loop import asked_to_stop
 
-
-def print_now(line: str) -> None:
-    """Print a line at once, also into a pipe."""
-    print(line, flush=True)
+print_now: Callable[[str], None] = partial(print, flush=True)
+"""Print a line at once, also into a pipe."""
 
 
 def reproduce(

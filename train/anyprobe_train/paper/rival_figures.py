@@ -4,6 +4,7 @@ All are compared as what a mirror sphere shows of their LDR map, since the other
 Real photos have no measured map: their lamp, in a dark room, is known instead.
 """
 
+from collections import defaultdict
 from collections.abc import Iterator
 
 import numpy as np
@@ -27,7 +28,6 @@ from anyprobe_train.paper.sheets import LINE, PICTURE_ROWS, as_bytes, as_picture
 
 LAMPS = ("real_lights", "real_figures")
 """Folders in the data with photos under one lamp."""
-SIDES = ("Spec", "Diff")
 COMPARED = {"PSNR": psnr, "SSIM": ssim, "RMSE": rmse}
 ANGLE = "angle to the lamp"
 COLORS = ("#e08020", "#3060c0", "#60a060")
@@ -75,48 +75,42 @@ def compared_maps(run: Run) -> Image.Image:
 
 def compared_numbers(run: Run) -> Image.Image:
     """Draw Fig. 13: each method on specular and diffuse objects, test pairs and real photos."""
-    found: dict[str, dict[str, dict[str, list[float]]]] = {}  # panel, group, method
-
-    def add(panel: str, kind: str, specular: bool, method: str, value: float) -> None:
-        group = f"{kind}-{SIDES[0] if specular else SIDES[1]}"
-        found.setdefault(panel, {}).setdefault(group, {}).setdefault(method, []).append(value)
-
+    found: dict[tuple[str, str, str], list[float]] = defaultdict(list)  # by panel, group and method
     which = balanced(run.test, run.setting.table_pairs, 1)
     kinds = iter(is_specular(which))
     for pairs in blocks(run.test, which):
         truth = as_pictures(spheres_of(pairs.ldr))
         made = {method: as_pictures(spheres_of(run.map_by(method, pairs))) for method in METHODS}
         for k, true in enumerate(truth):
-            specular = next(kinds)
+            group = f"Synth-{'Spec' if next(kinds) else 'Diff'}"
             for method, pictures in made.items():
                 for name, metric in COMPARED.items():
-                    add(name, "Synth", specular, method, metric(pictures[k], true))
+                    found[name, group, method].append(metric(pictures[k], true))
     lamps = lamps_of(run)
     for some, real in in_blocks(run, lamps):
         lights = {method: lights_of(run.map_by(method, real)) for method in METHODS}
         for k, photo in enumerate(some):
             for method, light in lights.items():
                 direction = real.camera_from_crop[k] @ find_dominant_light(light[k]).direction
-                add(ANGLE, "Real", photo.is_specular, method, direction_error_deg(direction, photo.lamp))
-    means = {
-        panel: {
-            group: {method: float(np.mean(values)) for method, values in one.items()} for group, one in groups.items()
-        }
-        for panel, groups in found.items()
-    }
+                group = f"Real-{'Spec' if photo.is_specular else 'Diff'}"
+                found[ANGLE, group, method].append(direction_error_deg(direction, photo.lamp))
+    means: dict[str, dict[str, dict[str, float]]] = defaultdict(lambda: defaultdict(dict))
+    for (panel, group, method), values in found.items():
+        means[panel][group][method] = float(np.mean(values))
     for panel, groups in means.items():
         for group, one in sorted(groups.items(), reverse=True):
-            values = ", ".join(f"{METHODS[method]} {value:.4g}" for method, value in one.items())
-            run.notes[f"{panel} {group}"] = f"{panel}, {group}: {values}"
+            said = ", ".join(f"{METHODS[method]} {value:.4g}" for method, value in one.items())
+            run.notes[f"{panel} {group}"] = f"{panel}, {group}: {said}"
     at_camera = [direction_error_deg(TO_EYE, photo.lamp) for photo in lamps]
     run.notes["baseline"] = f"{ANGLE}, all real photos, of a light at the camera: {np.mean(at_camera):.4g}"
     return bars(means)
 
 
-def bars(means: dict[str, dict[str, dict[str, float]]], height: int = 150, width: int = 24) -> Image.Image:
+def bars(means: dict[str, dict[str, dict[str, float]]]) -> Image.Image:
     """Draw a panel of bars for each figure, a group for each kind of photo, a bar for each method."""
+    height, width = 150, 24
     group_width = width * (len(METHODS) + 1)
-    widest = max(sum(1 for _ in groups) for groups in means.values()) * group_width
+    widest = max(map(len, means.values())) * group_width
     whole = Image.new("RGB", (len(means) * (widest + width), height + 3 * LINE), "white")
     pen = ImageDraw.Draw(whole)
     for panel, (name, groups) in enumerate(means.items()):

@@ -23,23 +23,15 @@ from anyprobe_train.paper.training import load_net
 
 DESIGNS = ("direct", "irradiance", "ours", "ideal")
 PRINTED = {
-    "direct": {"ldr": (13.9374, 0.2117, 0.3740), "hdr": (25.5962, 0.0577, 0.3701)},
-    "irradiance": {
-        "irradiance": (26.9803, 0.0449, 0.9502),
-        "ldr": (16.4243, 0.1588, 0.4459),
-        "hdr": (29.5844, 0.0409, 0.4284),
-    },
-    "ours": {
-        "irradiance": (26.9803, 0.0449, 0.9502),
-        "ldr": (17.8786, 0.1271, 0.5298),
-        "hdr": (34.8689, 0.0181, 0.5594),
-    },
-    "ideal": {
-        "irradiance": (26.9803, 0.0449, 0.9502),
-        "ldr": (18.8466, 0.1148, 0.5745),
-        "hdr": (36.1276, 0.0156, 0.9383),
-    },
-}
+    "direct ldr": (13.9374, 0.2117, 0.3740),
+    "direct hdr": (25.5962, 0.0577, 0.3701),
+    "irradiance ldr": (16.4243, 0.1588, 0.4459),
+    "irradiance hdr": (29.5844, 0.0409, 0.4284),
+    "ours ldr": (17.8786, 0.1271, 0.5298),
+    "ours hdr": (34.8689, 0.0181, 0.5594),
+    "ideal ldr": (18.8466, 0.1148, 0.5745),
+    "ideal hdr": (36.1276, 0.0156, 0.9383),
+} | {f"{design} irradiance": (26.9803, 0.0449, 0.9502) for design in ("irradiance", "ours", "ideal")}
 """PSNR, RMSE and SSIM as the paper prints them."""
 STAGES = {"irradiance": "I-Irradiance", "ldr": "LDR", "hdr": "HDR"}
 TONE = 8.0
@@ -65,12 +57,11 @@ def score_designs(runs: Path, setting: Setting, tables: Tables, mean_map: torch.
     which = balanced(tables, count, 1)
     found: dict[str, list[float]] = {}
     for pairs in blocks(tables, which):
+        truth = {"irradiance": pairs.irradiance[:, :3], "ldr": pairs.ldr, "hdr": scaled_ln(pairs.ln_radiance)}
+        truths = {stage: as_pictures(one) for stage, one in truth.items()}
         for method, made in _methods(nets, pairs, mean_map):
             for stage, estimate in made.items():
-                truth = {"irradiance": pairs.irradiance[:, :3], "ldr": pairs.ldr, "hdr": scaled_ln(pairs.ln_radiance)}[
-                    stage
-                ]
-                for one, true in zip(as_pictures(estimate), as_pictures(truth), strict=True):
+                for one, true in zip(as_pictures(estimate), truths[stage], strict=True):
                     shown = (one, true) if stage != "hdr" else (_toned(one), _toned(true))
                     values = {"PSNR": psnr(one, true), "RMSE": rmse(one, true), "SSIM": ssim(*shown)}
                     for figure, value in values.items():
@@ -115,7 +106,7 @@ def table(test: Rows, seen: Rows) -> str:
         method, stage = key.rsplit(" ", 1)
         own = [test.figures[f"{key} {figure}"].mean() for figure in ("PSNR", "RMSE", "SSIM")]
         known = [seen.figures[f"{key} {figure}"].mean() for figure in ("RMSE", "SSIM")]
-        printed = PRINTED.get(method, {}).get(stage)
+        printed = PRINTED.get(key)
         theirs = ["", "", ""] if printed is None else [f"{printed[0]:.2f}", f"{printed[1]:.4f}", f"{printed[2]:.3f}"]
         numbers = [f"{own[0]:.2f}", f"{own[1]:.4f}", f"{own[2]:.3f}", f"{known[0]:.4f}", f"{known[1]:.3f}", *theirs]
         lines.append(f"| {method} | {STAGES[stage]} | " + " | ".join(numbers) + " |")
