@@ -56,7 +56,7 @@ const ENTER = {
       marking.open(shown.picture);
     }
     say(DOING.finding);
-    const found = hints ? await findMask(hints, left) : await ownMask(left);
+    const found = hints ? await askForMask(hints, left) : await ownMask(left);
     const box = found && objectBox(found.data, shown.picture.width);
     machine.send(box ? "found" : "missed", { found, box, hints: hints ?? NO_HINTS }, left);
   },
@@ -187,12 +187,12 @@ function showOutline() {
 async function ownMask(left) {
   const { picture } = shown;
   const own = maskFromAlpha(picture);
-  if (!own) return (await networks.open()).hasMask ? findMask(marking.hints, left) : null;
+  if (!own) return (await networks.open()).hasMask ? askForMask(marking.hints, left) : null;
   const { mask, warnings } = lookAtGiven(own, picture.width);
   return { data: mask, quality: null, notices: warnings };
 }
 
-async function findMask(hints, left) {
+async function askForMask(hints, left) {
   const probe = await networks.open();
   return probe.mask(shown.picture, { ...hints, signal: left });
 }
