@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import platform
 import time
 from collections.abc import Callable
@@ -71,3 +72,17 @@ def cpu_model() -> str:
     except OSError:
         pass
     return platform.processor() or platform.machine()
+
+
+def tree(root: int) -> list[int]:
+    """Return a process and all below it."""
+    below = Path(f"/proc/{root}/task")
+    children = [int(one) for task in below.iterdir() for one in (task / "children").read_text().split()]
+    return [root, *(one for child in children for one in tree(child))]
+
+
+def used_s(root: int) -> float:
+    """Return seconds of processor time, ended children included."""
+    fields = [Path(f"/proc/{one}/stat").read_text().rpartition(")")[2].split() for one in tree(root)]
+    ticks = sum(sum(map(int, one[11:13])) for one in fields) + sum(map(int, fields[0][13:15]))
+    return ticks / os.sysconf("SC_CLK_TCK")

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import socket
 import statistics
 import subprocess
@@ -18,24 +17,11 @@ import time
 import urllib.request
 from pathlib import Path
 
-from benchmarks.serve_load import own_question
+from measure import tree, used_s
+from serve_load import own_question
 
 ROOT = Path(__file__).resolve().parents[1]
 PHOTOS = {"without_mask": ROOT / "examples" / "table.jpg", "with_mask": ROOT / "examples" / "vase.png"}
-TICK_S = 1 / os.sysconf("SC_CLK_TCK")
-
-
-def tree(root: int) -> list[int]:
-    """Return a process and all below it."""
-    below = Path(f"/proc/{root}/task")
-    children = [int(one) for task in below.iterdir() for one in (task / "children").read_text().split()]
-    return [root, *(one for child in children for one in tree(child))]
-
-
-def used_s(root: int) -> float:
-    """Return seconds of processor time, ended children included."""
-    fields = [Path(f"/proc/{one}/stat").read_text().rpartition(")")[2].split() for one in tree(root)]
-    return sum(sum(map(int, one[11:13])) for one in fields) * TICK_S + sum(map(int, fields[0][13:15])) * TICK_S
 
 
 def held_mb(root: int) -> float:

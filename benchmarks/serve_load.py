@@ -24,8 +24,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from measure import cpu_model
-from photo_cost import used_s
+from measure import cpu_model, used_s
 
 PHOTO = Path(__file__).parents[1] / "examples" / "vase.png"
 MEMORY_EVERY_S = 1.0

@@ -5,7 +5,10 @@ from __future__ import annotations
 import pkgutil
 import re
 import subprocess
+import sys
 from pathlib import Path
+
+import pytest
 
 import anyprobe
 
@@ -87,3 +90,16 @@ def test_the_map_for_contributors_names_what_is_there():
     page = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
     assert len(named_places(page)) > 30
     assert missing_places(page) == []
+
+
+BENCHMARKS = re.findall(r"^\| `(\w+\.py)", (ROOT / "benchmarks" / "README.md").read_text(encoding="utf-8"), re.M)
+
+
+@pytest.mark.parametrize("name", BENCHMARKS)
+def test_a_listed_benchmark_starts(name):
+    script = [sys.executable, str(ROOT / "benchmarks" / name), "--help"]
+    done = subprocess.run(script, env={"PATH": "/usr/bin:/bin"}, capture_output=True, text=True, check=False)
+    if "No module named 'mitsuba'" in done.stderr or "No module named 'torch'" in done.stderr:
+        pytest.skip("needs the extra judge, or torch")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("usage: ")
