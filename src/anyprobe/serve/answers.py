@@ -13,11 +13,13 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
 from anyprobe import session
+from anyprobe.core.color import to_bytes
 from anyprobe.estimate.photo import Photo
 from anyprobe.estimate.result import Light
 from anyprobe.inputs.hints import HINTS
 from anyprobe.masks.check import object_box
 from anyprobe.notices import Notice, Words
+from anyprobe.pictures.images import png_bytes
 
 JSON = "application/json"
 
@@ -106,6 +108,11 @@ def mask_json(photo: Photo) -> dict[str, Any]:
 def _warnings(notices: tuple[Notice, ...]) -> dict[str, Any]:
     """Return warnings as lines and as data, in the words of form fields."""
     return {"warnings": [FIELDS.line(one) for one in notices], "notices": [notice_json(one) for one in notices]}
+
+
+def mask_png(mask: np.ndarray) -> bytes:
+    """Return a mask [H, W] as a grey PNG."""
+    return png_bytes(to_bytes(mask), compress_level=3)
 
 
 def _accepted(header: str, known: list[str]) -> list[str]:

@@ -30,7 +30,7 @@ from anyprobe.files.atomic import atomic_path
 from anyprobe.inputs.settings import DEFAULT_MODEL
 from anyprobe.masks.weights import find_weights
 from anyprobe.pictures.images import png_bytes, read_image
-from anyprobe.serve.answers import light_json
+from anyprobe.serve.answers import light_json, mask_png
 from anyprobe.serve.guards import SECURITY_HEADERS
 from anyprobe.serve.pool import WorkerPool
 
@@ -101,7 +101,7 @@ class Page:
                 answer = light_json(self._estimator.from_photo(photo), frozenset({"radiance"}), None)
                 self._example = {
                     "example/photo.png": png_bytes(to_bytes(pixels.rgb), compress_level=3),
-                    "example/mask.png": png_bytes(to_bytes(photo.mask), compress_level=3),
+                    "example/mask.png": mask_png(photo.mask),
                     "example/light.json": json.dumps(answer | {"photo": "example"}).encode(),
                 }
         return self._example

@@ -20,7 +20,7 @@ from anyprobe.maps.radiance import read_radiance
 from anyprobe.notices import leave_out
 from anyprobe.pictures.declared_size import declared_pixels
 from anyprobe.pictures.images import png_bytes, read_image
-from anyprobe.serve.answers import mask_json
+from anyprobe.serve.answers import mask_json, mask_png
 from anyprobe.serve.limits import MAX_MAP_ROWS, MAX_PANORAMA_PIXELS, MAX_SENT_SIDECAR_BYTES, QUICK_BYTES
 from anyprobe.session import Shot
 
@@ -58,13 +58,13 @@ def extract(
     """Return a photo's extract, and its mask as PNG where it is asked for."""
     photo = _marked(shot, max_pixels)
     found = extract_of(photo, is_first=is_first, may_be_ball=is_alone, with_plate=False)
-    return found, png_bytes(to_bytes(photo.mask), compress_level=3) if with_mask else None
+    return found, mask_png(photo.mask) if with_mask else None
 
 
 def mask(shot: Shot, max_pixels: int, as_json: bool) -> dict[str, Any] | bytes:
     """Return the mask that an estimate would use as PNG, or its description as JSON data."""
     photo = _marked(shot, max_pixels)
-    return mask_json(photo) if as_json else png_bytes(to_bytes(photo.mask), compress_level=3)
+    return mask_json(photo) if as_json else mask_png(photo.mask)
 
 
 def upright(shot: Shot, max_pixels: int) -> tuple[bytes, float | None]:
