@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -87,9 +86,20 @@ def run_light(
         optimizer.step(rate / config.learning_rate)
         return {**terms, "loss": loss}, len(truth.fov)
 
-    columns, origin = (*LIGHT_WEIGHTS, "loss"), {"assets": assets}
-    given = partial(learn, runs=runs, columns=columns, origin=origin, device=device, last=last, scored=scored)
-    return given(config, net, optimizer, do_step, examples, start=start)
+    return learn(
+        config,
+        net,
+        optimizer,
+        do_step,
+        examples,
+        runs=runs,
+        columns=(*LIGHT_WEIGHTS, "loss"),
+        origin={"assets": assets},
+        device=device,
+        last=last,
+        scored=scored,
+        start=start,
+    )
 
 
 def load_lean_net(checkpoint: Path) -> tuple[LeanNet, dict[str, Any]]:
