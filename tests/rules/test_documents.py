@@ -8,8 +8,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 import anyprobe
 
 ROOT = Path(__file__).parents[2]
@@ -92,14 +90,12 @@ def test_the_map_for_contributors_names_what_is_there():
     assert missing_places(page) == []
 
 
-BENCHMARKS = re.findall(r"^\| `(\w+\.py)", (ROOT / "benchmarks" / "README.md").read_text(encoding="utf-8"), re.M)
-
-
-@pytest.mark.parametrize("name", BENCHMARKS)
-def test_a_listed_benchmark_starts(name):
-    script = [sys.executable, str(ROOT / "benchmarks" / name), "--help"]
-    done = subprocess.run(script, env={"PATH": "/usr/bin:/bin"}, capture_output=True, text=True, check=False)
-    if "No module named 'mitsuba'" in done.stderr or "No module named 'torch'" in done.stderr:
-        pytest.skip("needs the extra judge, or torch")
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("usage: ")
+def test_every_listed_benchmark_starts():
+    page = (ROOT / "benchmarks" / "README.md").read_text(encoding="utf-8")
+    names = re.findall(r"^\| `(\w+\.py)", page, re.M)
+    assert "render.py" in names
+    for name in names:
+        script = [sys.executable, str(ROOT / "benchmarks" / name), "--help"]
+        done = subprocess.run(script, env={"PATH": "/usr/bin:/bin"}, capture_output=True, text=True, check=False)
+        needs_an_extra = "No module named 'mitsuba'" in done.stderr or "No module named 'torch'" in done.stderr
+        assert needs_an_extra or done.stdout.startswith("usage: "), done.stderr
