@@ -169,9 +169,9 @@ def make_light(radiance: np.ndarray, outdoors: float, name: str, most: int = MOS
     found = sorted(found, key=lambda one: -luminance(one.power))[:most]
     if len(found):
         ratio = np.clip(soft / np.maximum(small, 1e-9), 0.0, 1.0).astype(np.float32)
-        near = np.zeros(ratio.shape[:2], bool)
+        near, directions = np.zeros(ratio.shape[:2], bool), pixel_directions(SPLIT_ROWS)
         for one in found:  # of sources that are not kept, all is in the sky
-            near |= pixel_directions(SPLIT_ROWS) @ one.direction > np.cos(np.radians(REACH_DEG))
+            near |= directions @ one.direction > np.cos(np.radians(REACH_DEG))
         ratio[~near] = 1.0
         rest = radiance * ratio.repeat(LIGHT_ROWS // SPLIT_ROWS, 0).repeat(LIGHT_ROWS // SPLIT_ROWS, 1)
     else:
