@@ -115,23 +115,26 @@ def section(kind: str, folder: str, credits: list[tuple[str, str, str]]) -> str:
     """The files of a folder as lists in Markdown, one for each licence with its author.
 
     Args:
-        credits: licence and author, file, source; by name of the file.
+        credits: licence and author; what a line begins with, and what is listed in it.
     """
-    files: dict[str, list[str]] = {}
-    for licence, name, source in credits:
-        files.setdefault(" ".join(licence.split()), []).append(f"- {name}: {source}\n")
-    lists = (f"\n### {licence}\n\n{''.join(lines)}" for licence, lines in files.items())
-    return f"## {kind} of `{folder}`: {len(credits)}\n{''.join(lists)}"
+    lines: dict[str, dict[str, list[str]]] = {}
+    for licence, first, listed in credits:
+        lines.setdefault(" ".join(licence.split()), {}).setdefault(first, []).append(listed)
+    parts = [f"## {kind} of `{folder}`: {len(credits)}\n"]
+    for licence, of in lines.items():
+        parts += [f"\n### {licence}\n\n", *(f"- {first}: {', '.join(listed)}\n" for first, listed in of.items())]
+    return "".join(parts)
 
 
 def _credits(folder: Path, suffixes: tuple[str, ...], taken: set[str]) -> Iterator[tuple[str, str, str]]:
-    """Licence and author, file, and source of the files of a folder whose ids are among those taken, by name."""
+    """Licence and author, source, and file of the files of a folder whose ids are among those taken, by name."""
     for path, row in listed_rows(folder, suffixes, ()) if folder.is_dir() else ():
         if allows_commercial_use(row["licence"]) and path.is_file() and file_id(path) in taken:
             name = row.get("name") or row.get("slug") or path.stem
             author = _author(row)
             licence = row["licence"] if author in row["licence"] else f"{row['licence']}; {author}"
-            yield licence, path.name if name == path.stem else f"{path.name} ({name})", _source(row)
+            source = row.get("source_repo") or _source(row)
+            yield licence, source, path.name if name == path.stem else f"{path.name} ({name})"
 
 
 def _source(row: dict[str, str]) -> str:

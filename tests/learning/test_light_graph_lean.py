@@ -105,7 +105,7 @@ def test_the_graph_says_all_of_its_outputs_and_a_mirrored_photo_gives_a_mirrored
     net = LeanNet().eval().requires_grad_(False)
     path = tmp_path / "light.onnx"
     assert write_light(net, path, {"name": "untrained", "step": 0}) < 0.03
-    assert path.stat().st_size < 10e6
+    assert path.stat().st_size < 11e6
     session = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
     rgb, mask = photo_of(240, 320, (100, 60, 200, 160))
     said = dict(zip(OUTPUTS, session.run(None, graph_inputs(rgb, mask, 60.0)), strict=True))

@@ -17,8 +17,9 @@ from anyprobe_train.light.drawing import POWER_FLOOR, MapDrawing  # noqa: E402
 from anyprobe_train.light.light_losses import LIGHT_WEIGHTS, LightLoss, total_of  # noqa: E402
 from anyprobe_train.light.light_run import LightRunConfig, run_light  # noqa: E402
 from anyprobe_train.light.network import LeanNet  # noqa: E402
+from anyprobe_train.light.object_map import ObjectMap, lifted_means  # noqa: E402
 from anyprobe_train.light.pictured import learned, mirrored_inputs, mirrored_truth, tensors_of  # noqa: E402
-from anyprobe_train.light.shape import ShapeNet  # noqa: E402
+from anyprobe_train.light.shape import CropFrame, ShapeNet, turned_towards  # noqa: E402
 from anyprobe_train.light.traced import traced_photos, with_traced  # noqa: E402
 from anyprobe_train.train.checkpoint import save_init_weights  # noqa: E402
 from anyprobe_train.train.muon import MuonAndAdam, orthogonal  # noqa: E402
@@ -195,12 +196,37 @@ def test_estimated_normals_are_in_the_frame_of_the_camera() -> None:
         for parameter in shape.head.parameters():
             parameter.zero_()
         center, half = torch.tensor([[0.5, -0.3], [0.0, 0.0]]), torch.tensor([[0.01], [0.4]])
-        normals = shape(torch.rand(2, 4, 96, 96), center, half, 48)
-    assert torch.allclose(normals.square().sum(dim=1), torch.ones(2, 48, 48), atol=1e-5)
+        ray, *seen_from = CropFrame()(center, half)
+        normals = turned_towards(shape(torch.rand(2, 4, 128, 128), *seen_from), ray)
+    assert torch.allclose(normals.square().sum(dim=1), torch.ones(2, 64, 64), atol=1e-5)
     facing = torch.nn.functional.normalize(torch.tensor([-0.5, 0.3, 1.0]), dim=0)
     assert ((normals[0] * facing[:, None, None]).sum(dim=0) > np.cos(np.radians(1.0))).all()
     corner = torch.nn.functional.normalize(torch.tensor([0.4, -0.4, 1.0]), dim=0)  # upper left
     assert float(normals[1, :, 0, 0] @ corner) > np.cos(np.radians(2.0))
+
+
+def test_points_are_lifted_to_the_directions_that_they_mirror() -> None:
+    wi = torch.nn.functional.normalize(torch.tensor([0.6, 0.3, 0.5]), dim=0)[None, :, None, None].expand(1, 3, 4, 4)
+    values = torch.tensor([0.2, 0.8])[None, :, None, None].expand(1, 2, 4, 4)
+    for means in lifted_means(values, torch.full((1, 1, 4, 4), 0.5), wi):
+        rows = means.shape[2]
+        there = torch.nonzero(means[0, -1])
+        assert len(there) == 1
+        d = torch.from_numpy(pixel_directions(rows))[there[0, 0], there[0, 1]].float()
+        assert float(d @ wi[0, :, 0, 0]) > np.cos(np.pi / rows)
+        torch.testing.assert_close(means[0, :2, there[0, 0], there[0, 1]], values[0, :, 0, 0], rtol=2e-3, atol=0.0)
+
+
+def test_an_object_off_centre_is_answered_in_the_frame_of_the_camera(monkeypatch) -> None:
+    own, d = ObjectMap().eval(), torch.from_numpy(pixel_directions(64)).permute(2, 0, 1)[None].float()
+    monkeypatch.setattr(own, "_completed", lambda lifted, code: -0.5 + 0.5 * d.expand(2, -1, -1, -1))
+    ray, slope, wo = CropFrame()(torch.tensor([[0.0, 0.0], [0.5, -0.3]]), torch.tensor([[0.2], [0.2]]))
+    rows = torch.rand(2, 4, 128, 128), (ray, slope, wo), wo, torch.zeros(2, 1, 64, 64), torch.zeros(2, 8)
+    with torch.no_grad():
+        found = (torch.log(own(*rows)) + 1.2) / 2.0 * 2.0 + 1.0
+    assert torch.allclose(found[0], d[0].clamp(max=2.2), atol=0.01)
+    turned = turned_towards(found[1:], ray[1:])  # each colour was a coordinate in the crop's frame
+    assert torch.allclose(turned, d, atol=0.03)
 
 
 def test_muon_steps_along_an_orthogonal_matrix() -> None:

@@ -111,7 +111,7 @@ def test_javascript_takes_the_same_hints():
     named = {name: hint.in_web for name, hint in HINTS.items()}
     options = interface("EstimateOptions")
     assert {name for name in named.values() if name} <= options
-    assert {name for name, option in named.items() if not option} == {"depth", "near", "far", "roll_deg"}
+    assert {name for name, option in named.items() if not option} == {"depth", "near", "far", "roll_deg", "sun"}
     assert {"depth", "near", "far"} & options == set()
     text = (ROOT / "web" / "types" / "index.d.ts").read_text(encoding="utf-8")
     assert re.search(

@@ -11,7 +11,7 @@ from support.room_photos import FOV_DEG, room_photo, smooth_map
 from support.transforms import transforms
 
 import anyprobe
-from anyprobe.core.color import luminance, to_bytes
+from anyprobe.core.color import to_bytes
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import response
 from anyprobe.estimate.surroundings import read_panorama
@@ -93,17 +93,3 @@ def test_the_emitters_of_a_panorama_come_through_the_command(tmp_path, command, 
         assert found.dominant_light().direction @ anyprobe.Light(radiance=truth).dominant_light().direction > 0.998
         power = found.dominant_light().irradiance / anyprobe.Light(radiance=truth).dominant_light().irradiance
         np.testing.assert_allclose(power, 1.0, atol=0.15)
-
-
-@pytest.mark.parametrize(("beside", "known"), [(0.3, False), (0.4, True)])
-def test_surroundings_much_darker_than_the_object_tell_nothing(beside, known):
-    """Unless they are asked for: a dark room's walls say nothing of its lamp."""
-    photo, mask = room_photo(smooth_map())
-    dark, inside = photo.astype(np.float32) / 255, mask > 0
-    dark[inside] = 0.6
-    dark[~inside] *= np.random.default_rng(0).uniform(0.5, 1.5, dark[~inside].shape)  # else it is one colour
-    dark[~inside] *= 0.6 * beside / luminance(dark[~inside]).mean()
-    dark = (255 * dark.clip(0, 1)).astype(np.uint8)
-    given = {"mask": mask, "fov_deg": FOV_DEG}
-    assert (anyprobe.estimate(dark, **given).ground is not None) is known
-    assert anyprobe.estimate(dark, **given, surroundings="photo").ground is not None

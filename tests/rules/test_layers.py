@@ -35,6 +35,7 @@ ONLY = {
     "onnx": {"anyprobe_train.train"},
     "trimesh": {"files", "anyprobe_train.assets"},
     "rawpy": {"pictures"},
+    "astral": {"estimate"},
     "OpenImageIO": {"maps"},
     "cyclopts": {"cli", "anyprobe_train.cli"},
     "rich": {"cli", "anyprobe_train.train", "anyprobe_train.cli"},

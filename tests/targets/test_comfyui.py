@@ -128,7 +128,8 @@ def test_warnings_are_in_the_json_under_the_node_and_in_the_log(nodes, mask, cap
 def test_inserted_object_is_that_of_the_library(nodes, photo, mask, monkeypatch):
     rgba = sphere_photo()
     one = anyprobe.load_photo(np.ascontiguousarray(rgba[..., :3]), mask=rgba[..., 3])
-    stage, light = Stage(one, OBJECTS["block"](), Arrangement(size=0.4, at=(20, 80))), anyprobe.estimate(one)
+    light = anyprobe.estimate(one)
+    stage = Stage(one, OBJECTS["block"](), Arrangement(size=0.4, at=(20, 80), ground=light.ground))
     given = {"shape": "block", "shape_material": "gold", "size": 0.4, "at": "20,80", "photo": photo, "mask": mask}
     shown = nodes["AnyprobeRelight"].execute(hdri=torch.from_numpy(light.radiance.copy())[None], **given).args[0]
     tolerance = {"atol": 0.02}  # Mitsuba's paths, where it is installed

@@ -200,7 +200,7 @@ async function askForMask(hints, left) {
 function showLight() {
   const { picture, longFovDeg, lensDeg, name, mask, box, result, pitchDeg } = shown;
   const ground = pitchDeg === undefined ? result.light.ground : { pitchDeg };
-  stage.place(picture.width, picture.height, lensDeg, mask, box, ground);
+  stage.place(picture.width, picture.height, lensDeg ?? result.light.ground?.longFovDeg ?? null, mask, box, ground);
   stage.setLight(result.light);
   light.show(result, { photo: name, model: config.model, longFovDeg });
   sendLight(result);

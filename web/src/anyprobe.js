@@ -93,7 +93,9 @@ export class AnyProbe {
     const asked = { picture, mask, marks, normals, ...known, options: { surroundings, pitchDeg, material } };
     const { light } = await this.#client.ask("estimate", asked, signal);
     const own = { data: mask, width, height, quality, ...described(warnings) };
-    return new Light({ ...light, warnings: [...warnings, ...light.warnings], mask: own, lens });
+    const found = light.ground?.longFovDeg;
+    const seen = found === undefined ? lens : { longFovDeg: found, source: "estimated" };
+    return new Light({ ...light, warnings: [...warnings, ...light.warnings], mask: own, lens: seen });
   }
 
   /** As estimate, of a picture in memory and its mask; says the seconds it took. */

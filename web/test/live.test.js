@@ -245,7 +245,7 @@ test("a camera that is turned is looked at anew: nothing of its last pictures is
 test("the background is given to the network while that is wanted", async () => {
   const given = [];
   const light = async ({ photo: [values], believe: [[believe]] }) => {
-    given.push([values.some((value, i) => i % 5 === 3 && value > 0), believe]);
+    given.push([values.some((value, i) => i % 5 === 3 && value > 0 && values[i + 1] === 0), believe]);
     return said(0.5);
   };
   const inside = Float32Array.from({ length: WIDTH * HEIGHT }, (_, i) => (i % WIDTH >= 50 && i % WIDTH < 110 ? 1 : 0));

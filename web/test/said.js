@@ -6,10 +6,10 @@ export const said = (level, given = {}) => ({
   posture: [20, 0, 5],
   soft: [0],
   outdoors: [0.5],
-  background: [0, 0],
+  believed: [1],
+  field_of_view: [60, 5],
   well_exposed: [1],
   object_material: [0, 0.5, 0.5, 0.5, 0.5],
   seen: new Float32Array(64 * 128 * 4),
-  irradiance: new Float32Array(128 * 128 * 3),
   ...given,
 });

@@ -16,20 +16,25 @@ function pictureOf(grey, alpha = 255) {
   return { width: WIDTH, height: HEIGHT, rgba };
 }
 
-const lightOf = (picture, background, options = {}) => lightOfObject({ light: async () => said(0.4, { background }) }, picture, mask, 60, options);
+const lightOf = (picture, believed, options = {}) =>
+  lightOfObject({ light: async () => said(0.4, { believed: [believed] }) }, picture, mask, 60, options);
 const codesOf = async (...given) => (await lightOf(...given)).warnings.map(({ code }) => code);
 
 test("a backdrop that is not used is said; the black of a cut-out and transparency are not", async () => {
-  assert.deepEqual(await codesOf(pictureOf(230), [1, 0]), ["plain-backdrop"]);
-  assert.ok(!(await codesOf(pictureOf(0), [1, 0])).includes("plain-backdrop"));
-  assert.deepEqual(await codesOf(pictureOf(230, 0), [1, 0]), []);
+  assert.deepEqual(await codesOf(pictureOf(230), 0.1), ["plain-backdrop"]);
+  assert.ok(!(await codesOf(pictureOf(0), 0.1)).includes("plain-backdrop"));
+  assert.deepEqual(await codesOf(pictureOf(230, 0), 0.1), []);
 });
 
-test("a dark background that is not used is said, and leaves the ground unknown", async () => {
-  assert.deepEqual(await codesOf(pictureOf(100), [0, 1]), ["dark-backdrop"]);
-  assert.equal((await lightOf(pictureOf(100), [0, 1])).ground, null);
-  assert.equal((await lightOf(pictureOf(100), [0, 0])).ground.source, "estimated");
-  assert.equal((await lightOf(pictureOf(100), [0, 0], { pitchDeg: 10 })).ground.source, "given");
+test("a background that is not used leaves the ground unknown", async () => {
+  assert.equal((await lightOf(pictureOf(100), 0.1)).ground, null);
+  assert.equal((await lightOf(pictureOf(100), 0.9)).ground.source, "estimated");
+  assert.equal((await lightOf(pictureOf(100), 0.9, { pitchDeg: 10 })).ground.source, "given");
+});
+
+test("the lens is the network's where nothing else says it", async () => {
+  assert.equal((await lightOf(pictureOf(100), 0.9, { isLensKnown: false })).ground.longFovDeg, 60);
+  assert.equal((await lightOf(pictureOf(100), 0.9, { isLensKnown: true })).ground.longFovDeg, undefined);
 });
 
 test("what is transparent is not used, unless the whole photo is asked for", async () => {
@@ -39,5 +44,5 @@ test("what is transparent is not used, unless the whole photo is asked for", asy
     return said(0.4);
   };
   for (const surroundings of ["auto", "photo", "none"]) await lightOfObject({ light }, pictureOf(100, 0), mask, 60, { surroundings });
-  assert.deepEqual(shares, [640 / mask.length, 1, 0]);
+  assert.deepEqual(shares, [640 / mask.length, 1, 640 / mask.length]);
 });

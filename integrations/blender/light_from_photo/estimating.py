@@ -55,7 +55,7 @@ def order_of(settings, camera, folder: Path) -> dict:
 def said_of(found: dict) -> list[str]:
     """What the user should know of an estimate."""
     lines = list(found["warnings"])
-    if found["fov_source"] == "default":
+    if found["fov_source"] in ("default", "estimated"):
         lines.append(f"Field of view unknown, taken as {found['long_fov_deg']:.0f} degrees; give it for a true camera")
     return lines
 

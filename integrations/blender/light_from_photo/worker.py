@@ -138,7 +138,7 @@ def estimate(order: dict, folder: Path) -> dict:
         "soft_from": light.brightest_side() if light.is_soft and not order["library"] else None,
         "level": level,
         "long_fov_deg": view.long_fov_deg,
-        "fov_source": photo.fov_source,
+        "fov_source": light.origin.fov_source,
         "pitch_deg": pitch_deg,
         "foot": (turn @ foot).tolist(),
         "object_size": float(-foot[2] * max(x1 - x0, y1 - y0) / view.focal),

@@ -143,6 +143,7 @@ class ObjectOptions(PlaceOptions):
     albedo: Annotated[str | None, option_of("albedo")] = None
     roughness: Annotated[float | None, option_of("roughness")] = None
     surroundings: Annotated[str | None, option_of("surroundings")] = None
+    sun: Annotated[str | None, option_of("sun")] = None
 
 
 ModelOption = Annotated[str, option_of("model")]

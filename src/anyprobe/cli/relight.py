@@ -22,6 +22,7 @@ from anyprobe.errors import InputError, InvalidMask, OutputError, arguments_name
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.ground import USUAL_ERROR_DEG, Ground, pitch_words
 from anyprobe.estimate.photo import Photo
+from anyprobe.estimate.sun_hint import place_of_sun
 from anyprobe.export.exported_light import read_with_origin
 from anyprobe.files.atomic import check_writable
 from anyprobe.files.objects import MESH_SUFFIXES, open_object
@@ -147,6 +148,7 @@ def relight(
     with progress(f"reading {photo}", silent):
         source = photo_source(photo)
         pixels = read_image(source, photo_name(photo))
+        hints = replace(hints, sun=place_of_sun(hints.sun, source))
         check_foot(contact, *pixels.rgb.shape[:2])
         loaded = session.mark(session.Shot(source=pixels, name=pixels.name, hints=hints), segmenter)
     with progress("estimating the light", silent):

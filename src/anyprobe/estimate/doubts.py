@@ -99,15 +99,9 @@ def grey_doubts(rgb: Float[np.ndarray, "N 3"], name: str) -> tuple[Notice, ...]:
 
 
 def backdrop_doubts(name: str) -> tuple[Notice, ...]:
-    """Warn of an object before a single colour: a cut-out or a studio."""
-    text = "the background is of one colour, as a cut-out's, and is not used; if it is real, ask for it"
+    """Warn of a background that the networks do not take for the object's place: a studio's, a picture's."""
+    text = "the background does not look like the object's surroundings, and is not used; if it is, ask for it"
     return (Notice(text, code="plain-backdrop", source=name, remedy=give(surroundings="photo")),)
-
-
-def dark_beside_doubts(name: str) -> tuple[Notice, ...]:
-    """Warn of an object whose surroundings are much darker than it: a dark room, a flash, black cloth."""
-    text = "the background is much darker than the object, so it is ignored; if the same light falls on it, ask for it"
-    return (Notice(text, code="dark-backdrop", source=name, remedy=give(surroundings="photo")),)
 
 
 def ground_doubts(ground: Ground | None, name: str) -> tuple[Notice, ...]:

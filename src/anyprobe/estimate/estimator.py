@@ -146,7 +146,7 @@ class Estimator:
         check_hints(self.models, photo)
         found = predict(self.models, photo, inputs)
         found = with_background_doubt(found, photo, inputs)
-        found = with_estimated_ground(found)
+        found = with_estimated_ground(found, photo)
         found = with_material(found, photo)
         said, exposed, ball = found.said, exposed_fraction(found.said), extract.ball
         if ball is not None and said.object_material is not None and said.object_material[0] >= METAL:
@@ -156,13 +156,12 @@ class Estimator:
             return replace(light, warnings=(*light.warnings, said_of_ball(photo.name)))
         seconds = {"load": round(extract.load_s, 4), "networks": round(time.perf_counter() - start, 4)}
         doubts = (*found.doubts, *map_doubts(photo, said.radiance, found.ground, exposed))
-        is_plain = said.background is None or bool(said.background[0])
         return Light(
             radiance=said.radiance,
             confidence=said.confidence,
             well_exposed_fraction=exposed,
             warnings=photo.warnings + doubts,
-            stages={"photo": said.image, "irradiance": said.irradiance},
+            stages={"photo": said.image} | ({} if said.irradiance is None else {"irradiance": said.irradiance}),
             camera_from_crop=said.camera_from_crop,
             find_shown=None if said.object_normals is None else partial(shown_of, said),
             origin=estimate_origin(photo, found, seconds, self.model_id),
@@ -171,7 +170,7 @@ class Estimator:
             said_sources=None if said.sources is None else said.sources[:, :4],
             soft=None if said.soft is None else float(said.soft[0]),
             outdoors=None if said.outdoors is None else float(said.outdoors[0]),
-            plate=None if is_plain else extract.plate,
+            plate=None if said.is_placeless else extract.plate,
         )
 
 

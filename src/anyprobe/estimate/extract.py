@@ -50,13 +50,14 @@ def extract_of(photo: Photo, *, is_first: bool = True, may_be_ball: bool = True,
     """Return what an estimate needs of a photo.
 
     Args:
-        is_first: whether a panorama from a file, which is of the first photo's frame, counts.
+        is_first: whether the sun and a panorama from a file, which are of the first photo's frame, count.
         may_be_ball: whether an object that looks like a mirror ball is taken for one.
     """
     start = time.perf_counter()
     seen = photo
-    if not is_first and isinstance(photo.surroundings, GivenPanorama):
-        seen = replace(photo, surroundings=None)
+    if not is_first:
+        around = None if isinstance(photo.surroundings, GivenPanorama) else photo.surroundings
+        seen = replace(photo, surroundings=around, sun=None)
     ball = as_ball(photo) if may_be_ball else None
     return Extract(
         photo=seen.without_pixels(),

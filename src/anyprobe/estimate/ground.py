@@ -55,6 +55,7 @@ class Ground:
         contact: x, y [px] where the object touches the ground.
         source: "given", "exif" (noted by the camera), "estimated" from the photo by a network, or "guessed".
         is_doubtful: whether the object's place in the photo contradicts the usual guess.
+        long_fov_deg: field of view of the photo's longer side by a network, where nothing else says it.
     """
 
     pitch_deg: float
@@ -63,6 +64,7 @@ class Ground:
     contact: tuple[float, float]
     source: str
     is_doubtful: bool = False
+    long_fov_deg: float | None = None
 
     @property
     def up(self) -> np.ndarray:
@@ -102,9 +104,10 @@ class Ground:
 
     def info(self) -> dict[str, Any]:
         """Return the fields of a sidecar, rounded."""
-        rounded = {name: round(getattr(self, name), 2) for name in ("pitch_deg", "pitch_error_deg", "roll_deg")}
-        contact = [round(one, 1) for one in self.contact]
-        return {**asdict(self), **rounded, "contact": contact}
+        angles = ("pitch_deg", "pitch_error_deg", "roll_deg", "long_fov_deg")
+        known = {name: value for name, value in asdict(self).items() if value is not None}
+        rounded = {name: round(known[name], 2) for name in angles if name in known}
+        return {**known, **rounded, "contact": [round(one, 1) for one in self.contact]}
 
 
 def up_of(pitch_deg: float, roll_deg: float = 0.0) -> np.ndarray:

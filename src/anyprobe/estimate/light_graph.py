@@ -2,8 +2,9 @@
 
 Inputs, float32, of one photo: N = 1.
 
-    photo     [1, H, W, 5]      the photo, at most PHOTO_SIDE pixels long: display RGB, above 1 linear radiance;
-                                cover, 0 where pixels mean nothing; the object's mask. Each is the mean of k x k pixels
+    photo     [1, H, W, 5]      the photo, at most PHOTO_SIDE pixels long: RGB times cover, as displayed, above 1 linear
+                                radiance; cover, 0 where pixels mean nothing; the object's mask. Each is the mean of
+                                k x k pixels
     window    [1, h, w, 4]      every s-th pixel around the object, at most WINDOW_SIDE: display RGB, mask
     geometry  [1, 6]            width and height of the full photo, k; left and top of the window in it, s
     lens      [1, 2]            tangent of half the field of view of the longer side; 1 if it is known
@@ -40,19 +41,20 @@ OUTPUTS = (
     "posture",
     "field_of_view",
     "outdoors",
-    "background",
+    "believed",
     "seen",
     "object_normals",
     "object_material",
     "crop",
     "crop_frame",
     "well_exposed",
-    "irradiance",
 )
 PHOTO_SIDE, WINDOW_SIDE = (int(contract("graph")[name]) for name in ("photo_side", "window_side"))
 """Longest sides of the photo and of the window [pixels]."""
 SEEN_CONFIDENCE = 0.9
 """Confidence of a place that is seen."""
+PLACE: float = contract("graph")["place"]
+"""Least share of what is seen beside the object that its surroundings go on from, for it to be their place."""
 CROP_MARGIN: float = contract("sizes")["crop_margin"]
 """Side of the square around the object over the longer side of its box."""
 
@@ -69,9 +71,9 @@ class Said:
         soft: [1] probability that no source dominates.
         errors: [3] of the strongest source's direction [degrees], of ln of the level, of the mean colour [degrees].
         posture: [3] pitch downwards, roll, and the pitch's mean error [degrees].
-        field_of_view: [2] of the longer side, and its mean error [degrees]; today the lens that was given or assumed.
-        outdoors: [1] probability; today by how bluish and bright the map's upper half is.
-        background: [2] 1 where it was not used because it is plain, and because it is much darker than the object.
+        field_of_view: [2] of the longer side, and its mean error [degrees].
+        outdoors: [1] probability.
+        believed: [1] share of what is seen beside the object that the map goes on from.
         seen: [64, 128, 4] known part of the map: radiance times cover, cover.
         object_normals: [64, 64, 3] over the crop, in its frame.
         object_material: [5] probability of a metal, total reflectance RGB, mean error of its ln.
@@ -84,7 +86,7 @@ class Said:
     radiance: np.ndarray
     crop: np.ndarray
     crop_frame: np.ndarray
-    irradiance: np.ndarray
+    irradiance: np.ndarray | None = None
     confidence: np.ndarray | None = None
     sh9: np.ndarray | None = None
     sources: np.ndarray | None = None
@@ -93,11 +95,16 @@ class Said:
     posture: np.ndarray | None = None
     field_of_view: np.ndarray | None = None
     outdoors: np.ndarray | None = None
-    background: np.ndarray | None = None
+    believed: np.ndarray | None = None
     seen: np.ndarray | None = None
     object_normals: np.ndarray | None = None
     object_material: np.ndarray | None = None
     well_exposed: np.ndarray | None = None
+
+    @property
+    def is_placeless(self) -> bool:
+        """Return whether what is seen beside the object is not its place: a cut-out's, a studio's backdrop."""
+        return self.believed is None or float(self.believed[0]) <= PLACE
 
     @property
     def camera_from_crop(self) -> Float[np.ndarray, "3 3"]:
@@ -133,7 +140,7 @@ def graph_inputs(
 
     Args:
         rgb, mask: the full photo and its object.
-        cover: where pixels may be used for the surroundings; None: everywhere.
+        cover: where pixels beside the object may be used; None: everywhere.
         radiance: the photo's, where it holds it above white.
     """
     height, width = mask.shape
@@ -141,9 +148,11 @@ def graph_inputs(
     x0, y0, x1, y1 = window_box(mask)
     s = -(-max(x1 - x0, y1 - y0) // WINDOW_SIDE)
     rows, columns = slice(y0 + s // 2, y1, s), slice(x0 + s // 2, x1, s)
-    opaque = np.ones_like(mask) if cover is None else cover
-    linear = None if radiance is None else block_means(radiance, k)
-    photo = [_above_white(block_means(rgb, k), linear), block_means(opaque, k), block_means(mask, k)]
+    shown, opaque = _above_white(rgb, radiance), np.broadcast_to(np.float32(1), mask.shape)
+    if cover is not None:
+        opaque = np.maximum(cover, mask)
+        shown = shown * opaque[..., None]
+    photo = [block_means(part, k) for part in (shown, opaque, mask)]
     near = [_above_white(rgb[rows, columns], None if radiance is None else radiance[rows, columns])]
     given = np.zeros((1, 1, 3)) if normals is None else normals[rows, columns] * mask[rows, columns, None]
     values = {

@@ -15,6 +15,7 @@ from anyprobe.errors import InvalidMask
 from anyprobe.estimate.doubts import all_around_doubts, exposure_doubts, grey_doubts, scale_doubts
 from anyprobe.estimate.ground import NOTED, Ground, estimate_ground
 from anyprobe.estimate.light_graph import graph_inputs
+from anyprobe.estimate.sun_hint import place_of_sun
 from anyprobe.estimate.surroundings import GivenPanorama, PhotoBackground, asked_surroundings, read_given_normals
 from anyprobe.inputs.description import shown_as
 from anyprobe.inputs.hints import HintKeywords, Hints, combine
@@ -49,6 +50,7 @@ class Photo:
         radiance: [H, W, 3] linear, above white too, see pictures.images.Pixels; None where display values say all.
         pitch_deg: how far the camera looks down; None where it is not given.
         material: the object's; None where it is not given.
+        sun: where it stands, see sun_hint.towards_sun; None where it is not given.
         hidden: [H, W] bool, pixels that are transparent, whose colours mean nothing; None where there are none.
         load_s: how long reading it and finding its object took.
     """
@@ -68,6 +70,7 @@ class Photo:
     radiance: np.ndarray | None = None
     pitch_deg: float | None = None
     material: Material | None = None
+    sun: tuple[float, ...] | None = None
     hidden: np.ndarray | None = None
     load_s: float = 0.0
 
@@ -165,6 +168,7 @@ def load_photo(
         radiance=pixels.radiance,
         pitch_deg=hints.pitch_deg,
         material=hints.surface(),
+        sun=place_of_sun(hints.sun, source),
         hidden=None if is_whole else _hidden(pixels.alpha),
     )
     photo = _with_ground(photo, hints, pixels.posture_deg) if photo.shows_place else photo

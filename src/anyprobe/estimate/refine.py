@@ -13,13 +13,14 @@ from anyprobe.core.color import luminance
 from anyprobe.core.contract import contract
 from anyprobe.core.response import CLIPPED, inverse_response
 from anyprobe.errors import InputError
-from anyprobe.estimate.doubts import DARK, DARK_SHARE, backdrop_doubts, dark_beside_doubts, ground_doubts, light_doubts
-from anyprobe.estimate.ground import Ground, ground_by_posture
+from anyprobe.estimate.doubts import DARK, DARK_SHARE, backdrop_doubts, ground_doubts, light_doubts
+from anyprobe.estimate.ground import Ground, ground_by_posture, up_of
 from anyprobe.estimate.light_graph import Said
 from anyprobe.estimate.material_hint import use_material
 from anyprobe.estimate.photo import Photo
 from anyprobe.estimate.runtime import Models
 from anyprobe.estimate.sidecar import Origin
+from anyprobe.estimate.sun_hint import towards_sun
 from anyprobe.estimate.surroundings import PhotoBackground
 from anyprobe.inputs.settings import DEFAULT_MODEL
 from anyprobe.light.environment import integral
@@ -55,7 +56,8 @@ def check_hints(models: Models, photo: Photo) -> None:
     """Raise InputError if a hint was given that the model does not take; a background that nobody asked for is none."""
     around = photo.surroundings
     unasked = isinstance(around, PhotoBackground) and not around.is_asked
-    hints = {"normals": photo.normals, "surroundings": None if unasked else around, "material": photo.material}
+    surroundings = None if unasked else around
+    hints = dict(normals=photo.normals, surroundings=surroundings, material=photo.material, sun=photo.sun)
     given = [name for name, value in hints.items() if value is not None and name not in models.takes]
     if given:
         text = f"expected a model that takes {'it' if len(given) == 1 else 'them'}, got {models.name}"
@@ -63,22 +65,29 @@ def check_hints(models: Models, photo: Photo) -> None:
 
 
 def predict(models: Models, photo: Photo, inputs: Mapping[str, np.ndarray]) -> Prediction:
-    """Run the networks on what they are given of a photo."""
-    said = models(inputs)
+    """Run the networks on what they are given of a photo; twice where the sun stands above a horizon that they find."""
     used: dict[str, Any] = {"normals": photo.normals is not None}
+    if photo.sun is not None:
+        up = photo.ground.up if photo.ground is not None and photo.ground.is_known else _up_found(models(inputs))
+        inputs = {**inputs, "sun": towards_sun(photo.sun, up).astype(np.float32)[None]}
+        used["sun"] = True
+    said = models(inputs)
     if said.seen is not None and said.seen[..., 3].any():
         used["surroundings"] = round(float(integral(said.seen[..., 3:])[0] / (4 * np.pi)), 4)
     return Prediction(said=said, ground=photo.ground, used=used)
 
 
+def _up_found(said: Said) -> np.ndarray:
+    pitch_deg, roll_deg = (0.0, 0.0) if said.posture is None else said.posture[:2]
+    return up_of(float(pitch_deg), float(roll_deg))
+
+
 def with_background_doubt(found: Prediction, photo: Photo, inputs: Mapping[str, np.ndarray]) -> Prediction:
     """Warn of a background that was not used, which leaves the ground unknown."""
-    if found.said.background is None or not photo.shows_place or not found.said.background.any():
-        return found if found.said.background is not None else replace(found, ground=None)
-    is_plain = found.said.background[0] > 0
-    doubts = dark_beside_doubts(photo.name)
-    if is_plain:
-        doubts = backdrop_doubts(photo.name) if _hides_backdrop(inputs["photo"][0]) else ()
+    if not found.said.is_placeless:
+        return found
+    is_told = photo.shows_place and found.said.believed is not None and _hides_backdrop(inputs["photo"][0])
+    doubts = backdrop_doubts(photo.name) if is_told else ()
     return replace(found, ground=None, doubts=(*found.doubts, *doubts))
 
 
@@ -88,12 +97,14 @@ def _hides_backdrop(photo: np.ndarray) -> bool:
     return len(display) > 0 and bool(photo[..., 3].min() > 0.5 and np.median(luminance(display)) > BACKDROP_LEVEL)
 
 
-def with_estimated_ground(found: Prediction) -> Prediction:
-    """Replace a guessed ground by the networks' own estimate."""
-    ground, posture = found.ground, found.said.posture
-    if ground is None or ground.is_known or posture is None:
-        return found
-    return replace(found, ground=ground_by_posture(ground, posture))
+def with_estimated_ground(found: Prediction, photo: Photo) -> Prediction:
+    """Replace a guessed ground, and a lens that nothing says, by the networks' own estimate."""
+    ground, posture, lens = found.ground, found.said.posture, found.said.field_of_view
+    if ground is not None and not ground.is_known and posture is not None:
+        ground = ground_by_posture(ground, posture)
+    if ground is not None and photo.fov_source == "default" and lens is not None:
+        ground = replace(ground, long_fov_deg=float(lens[0]))
+    return replace(found, ground=ground)
 
 
 def with_material(found: Prediction, photo: Photo) -> Prediction:
@@ -163,13 +174,13 @@ def object_info(said: Said) -> dict[str, Any]:
 
 def estimate_origin(photo: Photo, found: Prediction, seconds: dict[str, float], model_id: str) -> Origin:
     """Return what a light was estimated from, and by which model; seconds: time by step."""
-    confidence = photo.mask_confidence
+    confidence, lens = photo.mask_confidence, found.ground and found.ground.long_fov_deg
     return Origin(
         photo=photo.name,
         model=model_id,
         exposure=None if photo.exposure is None else float(f"{photo.exposure:.6g}"),
-        long_fov_deg=round(float(photo.long_fov_deg), 3),
-        fov_source=photo.fov_source,
+        long_fov_deg=round(float(lens or photo.long_fov_deg), 3),
+        fov_source="estimated" if lens else photo.fov_source,
         pitch_deg=None if photo.pitch_deg is None else round(float(photo.pitch_deg), 3),
         ground=found.ground,
         mask={"source": photo.mask_source, "confidence": confidence and round(confidence, 4)},

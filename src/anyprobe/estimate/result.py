@@ -70,7 +70,7 @@ class Light:
         well_exposed_fraction: share of the object's pixels that are neither black nor clipped, in [0, 1].
         warnings: what is doubtful; each is a line of text with its code, subject and remedy, see notices.Notice.
         stages: the networks' inputs and outputs, in the crop's frame: photo [128, 128, 4],
-            irradiance [128, 128, 3].
+            irradiance [128, 128, 3] of the model `paper`.
         camera_from_crop: [3, 3] rotation from the crop's frame to the camera's.
         map_from_camera: [3, 3] rotation from the camera's frame to the map's: what rotate has done since.
         origin: how the estimate came about.

@@ -41,7 +41,7 @@ FIRST_STAGES = (LIGHT_STAGE, STAGES[0])
 PHOTO_SIZE: int = contract("sizes")["crop"]
 CHAIN_PICTURES = dict.fromkeys(STAGES[:2], (4, PHOTO_SIZE, PHOTO_SIZE)) | {STAGES[2]: (3, MAP_HEIGHT, 2 * MAP_HEIGHT)}
 """Shape of the picture that each stage of the chain takes."""
-TAKES = {(LIGHT_STAGE,): frozenset({"normals", "surroundings", "material"}), STAGES: frozenset()}
+TAKES = {(LIGHT_STAGE,): frozenset({"normals", "surroundings", "material", "sun"}), STAGES: frozenset()}
 """Hints that a model of these stages uses, beside the lens; others are refused."""
 
 

@@ -41,7 +41,7 @@ class Origin:
         model: name and hash.
         exposure: of EXIF, relative.
         long_fov_deg, fov_source: field of view of the photo's longer side, and whether it is "given", of "exif", of the
-            poses' lens, or "default".
+            poses' lens, "estimated" or "default".
         pitch_deg: how far the camera looks down, where that was given.
         ground: what the object stands on; None for cut-outs.
         mask: how the object was found.

@@ -29,12 +29,19 @@ from anyprobe.scatter.materials import Albedo, Material, as_material
 NormalsSource = str | os.PathLike[str] | bytes | np.ndarray
 SurroundingsSource = ImageSource
 
+SunSource = str | Sequence[float]
+
 SPHERE = "sphere"
 """Value of `normals`: the object is a sphere, whose outline gives its normals."""
 PHOTO = "photo"
 """Value of `surroundings`: the photo's own background."""
 AUTO, NONE = "auto", "none"
 """Values of `surroundings`: the photo's background unless the object is cut out; and nothing but the object."""
+
+EXIF = "exif"
+"""Value of `sun`: by the place, time and compass heading that the photo notes."""
+SUN_SIDES = {"ahead": 0.0, "right": 90.0, "behind": 180.0, "left": -90.0}
+"""Azimuths to the right of where the camera looks [degrees]."""
 
 PICTURES = (
     *(".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp", ".gif", ".heic", ".heif", ".hif", ".avif", ".jxl"),
@@ -68,6 +75,9 @@ class Hints:
         surroundings: "auto" (default): the photo's ground and background around the object, unless the object is cut
             out; "photo": the same for any photo; "none"; or a panorama in the camera's frame, transparent where
             unknown.
+        sun: where the sun stands, if it shines: "left,30" is 30 degrees above the horizon at the camera's left, also
+            right, ahead, behind or degrees to the right; a direction x, y, z in the camera's frame; or "exif", by
+            the place, time and compass heading that the photo notes, which are read for that alone and not kept.
     Raises:
         InputError: conflicting hints, or a number out of its range, in one line.
     """
@@ -87,6 +97,7 @@ class Hints:
     albedo: Albedo | None = None
     roughness: float | None = None
     surroundings: SurroundingsSource | None = None
+    sun: SunSource | None = None
 
     def __post_init__(self) -> None:
         given = dict(self.given())
@@ -96,6 +107,8 @@ class Hints:
         if self.roll_deg is not None and self.pitch_deg is None:
             raise InputError("expected a pitch with it, got none", subject="roll_deg", remedy=give("pitch_deg"))
         self.surface()
+        if self.sun is not None:
+            read_sun(self.sun)
 
     def given(self) -> Iterator[tuple[str, Any]]:
         """Iterate over names and values of the hints that are given."""
@@ -135,6 +148,7 @@ class HintKeywords(TypedDict, total=False):
     albedo: Albedo | None
     roughness: float | None
     surroundings: SurroundingsSource | None
+    sun: SunSource | None
 
 
 HINTS = described(Hints, pictures=PICTURES, arrays=ARRAYS, panoramas=(*PICTURES, ".hdr"))
@@ -146,6 +160,23 @@ def combine(hints: Hints | None, given: Mapping[str, Any]) -> Hints:
     unknown = {name: value for name, value in given.items() if name not in HINTS}
     chosen = {name: value for name, value in given.items() if value is not None}
     return replace(Hints() if hints is None else hints, **chosen | unknown)
+
+
+def read_sun(given: SunSource) -> tuple[float, ...] | None:
+    """Return azimuth to the right of where the camera looks and height above the horizon [degrees], or a direction
+    [3]; None for EXIF; InputError for what is none of them."""
+    if isinstance(given, str) and given == EXIF:
+        return None
+    parts = given.split(",") if isinstance(given, str) else list(map(str, given))
+    try:
+        numbers = tuple(SUN_SIDES[part] if part in SUN_SIDES else float(part) for part in parts)
+    except (TypeError, ValueError):
+        numbers = ()
+    is_place = len(numbers) == 2 and abs(numbers[0]) <= 360 and -5 <= numbers[1] <= 90
+    if not (is_place or (len(numbers) == 3 and 0 < max(map(abs, numbers)) < np.inf)):
+        text = f"expected {', '.join(SUN_SIDES)} or degrees, and a height up to 90, or X,Y,Z, or {EXIF}"
+        raise InputError(f"{text}, got {str(given)[:60]!r}; for instance left,30", subject="sun")
+    return numbers
 
 
 def check_together(given: Sequence[str]) -> None:

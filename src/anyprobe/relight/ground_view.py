@@ -70,13 +70,14 @@ def view_of(photo: Photo, pitch_deg: float | None = None, found: Ground | None =
 
     Args:
         pitch_deg: camera pitch downwards; None: the photo's own.
-        found: the ground estimated with the light; None: estimate_ground's guess. Unless the pitch is given,
-            the camera sees the ground at the base at least LEAST_SLOPE_DEG below the horizon.
+        found: the ground and the lens estimated with the light; None: estimate_ground's guess. Unless the pitch is
+            given, the camera sees the ground at the base at least LEAST_SLOPE_DEG below the horizon.
     Raises:
         InputError: the base would lie at or above the horizon.
     """
     height, width = photo.mask.shape
-    focal = photo.camera.focal
+    lens = photo.long_fov_deg if found is None or found.long_fov_deg is None else found.long_fov_deg
+    focal = PinholeCamera.of_fov(width, height, lens).focal
     ground = estimate_ground(photo, pitch_deg=pitch_deg)
     if found is not None and ground.source != GIVEN:
         ground = replace(ground, pitch_deg=found.pitch_deg, source=found.source)

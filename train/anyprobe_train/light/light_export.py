@@ -13,7 +13,7 @@ from torch.nn import functional as F
 
 from anyprobe.core.color import REC709
 from anyprobe.core.contract import contract
-from anyprobe.estimate.light_graph import INPUTS, OUTPUTS, SEEN_CONFIDENCE, graph_inputs
+from anyprobe.estimate.light_graph import INPUTS, OUTPUTS, PLACE, SEEN_CONFIDENCE, graph_inputs
 from anyprobe.estimate.runtime import CONTRACT
 from anyprobe_train.light.both_ways import both_ways
 from anyprobe_train.light.drawing import power_of
@@ -31,8 +31,6 @@ TWO_OF_THREE = float(np.log(3.0))
 """Bound that two of three errors keep, in mean errors of a Laplace distribution."""
 THIN = 1e-3
 """Least cover that is divided by."""
-BELIEVED = 0.5
-"""Share of what is seen that the map has to go on from, for it to be the place."""
 SHOWN_NORMALS: int = contract("sizes")["normals"]
 """Side of the picture of the normals that are said [pixels]."""
 KNOWN_LENS_DEG = 0.5
@@ -83,7 +81,7 @@ class LeanGraph(nn.Module):
         light, cover = known_light(given.panorama + (1.0 - given.panorama[3:]) * beside)
         asked = torch.maximum(given.panorama[3:], given.believe * cover).clamp(max=1.0)
         believed = torch.maximum(answer.believed[0], given.believe)
-        shown = torch.maximum(given.panorama[3:], (believed > BELIEVED).float() * cover)
+        shown = torch.maximum(given.panorama[3:], (believed > PLACE).float() * cover)
         worth = torch.maximum((exposed / ENOUGH).clamp(max=1.0), shown[0])
         confidence = torch.sigmoid(answer.confidence[0, 0]) * worth
         confidence = confidence + asked[0] * (SEEN_CONFIDENCE - confidence)
@@ -99,14 +97,13 @@ class LeanGraph(nn.Module):
             self._posture(answer),
             self._field_of_view(answer, given),
             torch.sigmoid(answer.outdoors),
-            torch.stack([(believed <= BELIEVED).float(), torch.zeros_like(believed)]),
+            believed[None],
             torch.cat([light * shown, shown]).permute(1, 2, 0),
             self._normals(answer, crop, given),
             self._material(answer),
             crop.crop.permute(1, 2, 0),
             torch.cat([crop.camera_from_crop.flatten(), crop.tan_half[None], crop.center]).reshape(4, 3),
             crop.well_exposed[None],
-            torch.zeros_like(crop.crop[:3]).permute(1, 2, 0),
         )
         return tuple(one[None] for one in outputs)
 
@@ -178,6 +175,6 @@ def write_light(net: LeanNet, path: Path, run: dict) -> float:
         small=(LINEAR_LAYERS, CONVOLUTIONS),
         dynamic=DYNAMIC,
     )
-    about = {**CONTRACT, "stage": "light", "computes": FLOATS, "signature": "1"}
+    about = {**CONTRACT, "stage": "light", "computes": FLOATS, "signature": "2"}
     about |= {"run": str(run.get("name")), "steps": str(run.get("step")), "config": json.dumps(run)}
     return write_graph("light", graph, examples, about, path, TOLERANCE)

@@ -13,6 +13,7 @@ from anyprobe_train.light.given import CROP_MARGIN, SHORTEST, Given, object_box
 from anyprobe_train.light.network import NORMALS_SIDE, PICTURE_PX, LightInputs
 from anyprobe_train.light.read_windows import read_photo, read_window
 from anyprobe_train.light.seen_on_sphere import SeenOnSphere
+from anyprobe_train.light.shape import CROP_PX
 
 ASSUMED_TANGENT = float(np.tan(np.radians(30.0)))
 """Tangent of half the longer side's field where the lens is not known."""
@@ -33,12 +34,14 @@ class LightViews(nn.Module):
         half = known * given.lens[0] + (1.0 - known) * ASSUMED_TANGENT
         some, center, side = square_around(given)
         first = (width - longest) / 2.0 / k, (height - longest) / 2.0 / k
-        covered_photo = torch.cat([given.photo[..., :3] * given.photo[..., 3:4], given.photo[..., 3:]], dim=2)
-        rgb, cover, mask = read_photo(covered_photo, first, longest / k, PICTURE_PX).split([3, 1, 1])
+        rgb, cover, mask = read_photo(given.photo, first, longest / k, PICTURE_PX).split([3, 1, 1])
         context = torch.cat([rgb, some * mask, cover])[None].clamp(min=0.0)
         start = (center[0] - side / 2.0 - x0) / step, (center[1] - side / 2.0 - y0) / step
         masked = torch.cat([given.window[:3].clamp(max=1.0) * given.window[3:], given.window[3:]])
-        crop = some * read_window(masked, start, (side / step, side / step), PICTURE_PX)
+        crop, picture = (
+            (some * read_window(masked, start, (side / step, side / step), px)).clamp(0.0, 1.0)[None]
+            for px in (PICTURE_PX, CROP_PX)
+        )
         right, down = (2.0 * center - torch.stack([width, height])).unbind()
         scale = some * half / longest
         lens = torch.stack([half, right * scale, -down * scale, side * scale, known])
@@ -47,7 +50,8 @@ class LightViews(nn.Module):
         panorama = torch.cat([torch.minimum(given.panorama[:3], covered), covered])
         inputs = LightInputs(
             context=context.clamp(max=1.0),
-            crop=crop.clamp(0.0, 1.0)[None],
+            crop=crop,
+            picture=picture,
             seen=(panorama + (1.0 - covered) * seen.clamp(max=1.0))[None],
             lens=lens[None],
             up=given.up[None],

@@ -15,7 +15,8 @@ from torch.nn import functional as F
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe_train.light.drawing import LN_MOST, SLOTS, MapDrawing
-from anyprobe_train.light.shape import ShapeNet
+from anyprobe_train.light.object_map import ObjectMap
+from anyprobe_train.light.shape import SIDE, CropFrame, ShapeNet, turned_towards
 from anyprobe_train.light.shown import inverse_display
 from anyprobe_train.nets.blocks import conv, two_layers, wrap
 
@@ -49,14 +50,15 @@ DROPPED = 0.1
 class LightInputs:
     """Inputs of LeanNet, float32; display values in [0, 1].
 
-    context [N, 5, 96, 96]: RGB, mask, cover; crop [N, 4, 96, 96]: RGB x mask, mask; seen [N, 4, 64, 128]: RGB x cover,
-    cover; lens [N, 5]: tangent of half the context's field, the crop's centre (right, up) and half its side on the
-    image plane, 1 where the lens is known. Zero where not given: up [N, 3], normals [N, 3, 48, 48] over the crop,
-    material [N, 8] of materials.material_input, sun [N, 3].
+    context [N, 5, 96, 96]: RGB, mask, cover; crop [N, 4, 96, 96]: RGB x mask, mask; picture [N, 4, 128, 128]: the same,
+    finer; seen [N, 4, 64, 128]: RGB x cover, cover; lens [N, 5]: tangent of half the context's field, the crop's centre
+    (right, up) and half its side on the image plane, 1 where the lens is known. Zero where not given: up [N, 3],
+    normals [N, 3, 48, 48] over the crop, material [N, 8] of materials.material_input, sun [N, 3].
     """
 
     context: torch.Tensor
     crop: torch.Tensor
+    picture: torch.Tensor
     seen: torch.Tensor
     lens: torch.Tensor
     up: torch.Tensor
@@ -151,7 +153,7 @@ class LeanNet(nn.Module):
         last, decoded, fine, coarse, middle = 16, 40, 32, 64, 80
         self.context = Tower(5 + 3, context, 192)
         self.crop = Tower(4 + 2, crop, CODE_LENGTH)
-        self.shape = ShapeNet()
+        self.frame, self.shape, self.alone = CropFrame(), ShapeNet(), ObjectMap()
         self.of_normals = nn.Conv2d(5, crop[1], 1)
         self.up_crop = nn.Conv2d(crop[2], crop[1], 1)
         self.surface = conv(crop[1], crop[1])
@@ -196,8 +198,11 @@ class LeanNet(nn.Module):
         is_known = known[:, :, None, None].expand(-1, 1, PICTURE_PX, PICTURE_PX)
         crop_rays = self.grid * side[:, :, None, None] + center[:, :, None, None]
         _, _, seen_code = self.context(_last(torch.cat([inputs.context, rays, is_known], dim=1)))
-        estimated = self.shape(inputs.crop, center, side, NORMALS_SIDE)
-        with torch.autocast(estimated.device.type, enabled=False):
+        frame = self.frame(center, side)
+        n = self.shape(inputs.picture, *frame[1:])
+        with torch.autocast(n.device.type, enabled=False):
+            small = F.interpolate(n, size=(NORMALS_SIDE, NORMALS_SIDE), mode="bilinear", align_corners=False)
+            estimated = F.normalize(turned_towards(small, frame[0]), dim=1)
             known = (inputs.normals.square().sum(dim=1, keepdim=True) > 0.25).float()
             normals = known * inputs.normals + (1 - known) * estimated.detach()
             inside = F.avg_pool2d(inputs.crop[:, 3:], PICTURE_PX // NORMALS_SIDE)
@@ -209,6 +214,7 @@ class LeanNet(nn.Module):
         sun_given = inputs.sun.square().sum(dim=1, keepdim=True)
         hints = torch.cat([inputs.lens, inputs.up, inputs.material, inputs.sun, present], dim=1)
         code = self.together(F.dropout(torch.cat([seen_code, code, hints], dim=1), DROPPED, self.training))
+        alone = self._alone(inputs, frame, n, known)
         posture = self.posture(code).float()
         with torch.autocast(code.device.type, enabled=False):  # a cosine of eight bits is degrees off
             weights = self._lifting(normals, crop_rays)
@@ -225,7 +231,17 @@ class LeanNet(nn.Module):
         out = self.head(self.last(_last(torch.cat([x, beside], dim=1))))
         light, photo = self.of_light(said).float(), self.of_photo(said).float()
         with torch.autocast(code.device.type, enabled=False):
-            return self._answer(inputs, out.float(), near, light, photo, posture, estimated)
+            return self._answer(inputs, out.float(), near, light, photo, posture, estimated, alone)
+
+    def _alone(self, inputs, frame, n, known) -> torch.Tensor:
+        """Return what the object alone shows, by given normals [N, 3, 48, 48] where they are known [N, 1, 48, 48]."""
+        with torch.autocast(n.device.type, enabled=False):
+            ray = frame[0]
+            back = torch.cat([-ray[:, :2], ray[:, 2:]], dim=1)
+            own = turned_towards(inputs.normals, back)
+            own, known = (F.interpolate(one, size=(SIDE, SIDE), mode="nearest") for one in (own, known))
+            normals = F.normalize(known * own + (1 - known) * n.detach(), dim=1)
+        return self.alone(inputs.picture, frame, normals, known, inputs.material)
 
     def _lifting(self, normals: torch.Tensor, crop_rays: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """Return how much each of the P = 24 * 24 points of the crop counts in each direction: along those that they
@@ -266,7 +282,8 @@ class LeanNet(nn.Module):
         d = self.lift_directions
         of_each = torch.cat([colors.transpose(1, 2), d.expand(len(cover), -1, -1)], dim=2).double()
         seen = (cover * (cover >= SEEN_COVER).float())[..., None].double()
-        nearness = torch.exp(NEAREST * (d.double() @ d.double().T - 1.0))  # down to 1e-261
+        fine = d.double() + 0.0 * cover[0, 0]  # exports fold nothing of it into a constant of two megabytes
+        nearness = torch.exp(NEAREST * (fine @ fine.T - 1.0))  # down to 1e-261
         sums = nearness @ torch.cat([seen * of_each, seen], dim=2)
         found = (sums[..., :-1] / sums[..., -1:].clamp(min=LEAST_NEARNESS)).float()
         angle = torch.acos((found[..., 3:] * d).sum(dim=2).clamp(-1 + 1e-6, 1 - 1e-6)) / torch.pi
@@ -286,7 +303,7 @@ class LeanNet(nn.Module):
         sun = torch.exp(20.0 * ((inputs.sun[:, :, None, None] * directions).sum(dim=1, keepdim=True) - 1.0))
         return torch.cat([near * some, some, directions, rise, sun * sun_given[:, :, None, None]], dim=1)
 
-    def _answer(self, inputs, out, near, light, photo, posture, normals) -> LightAnswer:
+    def _answer(self, inputs, out, near, light, photo, posture, normals, alone) -> LightAnswer:
         """Make the answer of the head's channels [N, 6 * 4 + S, 32, 64] and of what the two small heads say."""
         of_map, slots = out.split([24, SLOTS], dim=1)
         of_map = F.pixel_shuffle(of_map, 2)
@@ -296,7 +313,10 @@ class LeanNet(nn.Module):
         some = F.interpolate(near[:, 4:5], scale_factor=2.0, mode="nearest")
         goes_on = torch.sigmoid(of_map[:, 5:6] + 4.0 * cover - 2.0) * some
         own = torch.exp((of_map[:, :3] + FIRST_LN).clamp(max=LN_MOST))
-        ln_shown = torch.log((1 - goes_on) * own + goes_on * shown_there + LN_FLOOR)
+        believed = (goes_on * cover).sum(dim=(1, 2, 3)) / cover.sum(dim=(1, 2, 3)).clamp(min=1.0)
+        shown = (1 - goes_on) * own + goes_on * shown_there
+        share = believed[:, None, None, None]
+        ln_shown = torch.log(share * shown + (1 - share) * alone + LN_FLOOR)
         ln_power, exists, ln_radius, ln_powers, soft, errors = light.split([3, SLOTS, SLOTS, 3 * SLOTS, 1, 3], dim=1)
         lens, outdoors, material = photo.split([2, 1, 5], dim=1)
         density = of_map[:, 3:4]
@@ -322,7 +342,7 @@ class LeanNet(nn.Module):
             posture=posture,
             lens=torch.cat([lens[:, :1] + float(np.log(np.tan(np.radians(30.0)))), lens[:, 1:] - 2.0], dim=1),
             outdoors=outdoors[:, 0],
-            believed=(goes_on * cover).sum(dim=(1, 2, 3)) / cover.sum(dim=(1, 2, 3)).clamp(min=1.0),
+            believed=believed,
             normals=normals,
             material=material,
         )

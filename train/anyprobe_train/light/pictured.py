@@ -13,6 +13,7 @@ from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.scatter.materials import LEAST_REFLECTANCE, MATERIAL_INPUTS
 from anyprobe_train.light.network import LightInputs
 from anyprobe_train.light.seen_on_sphere import SeenOnSphere
+from anyprobe_train.light.shape import CROP_PX
 
 NO_OBJECT, NO_PLACE, PLAIN = 0.08, 0.08, 0.5
 """Shares of photos whose object, or surroundings, are left out, and of the latter those that one colour replaces."""
@@ -58,7 +59,8 @@ def tensors_of(batch: Any, device: str = "cpu") -> tuple[LightInputs, LightTruth
     seen = {name: picture(getattr(batch, name), 255.0) for name in ("context", "crop", "seen")}
     true = {name: numbers(getattr(batch, name)) for name in ("sources", "soft", "outdoors", "up", "fov", "material")}
     family = torch.from_numpy(batch.family.astype(np.int64)).to(device)
-    inputs = LightInputs(**seen, lens=numbers(batch.lens), **given)
+    fine = F.interpolate(seen["crop"], size=(CROP_PX, CROP_PX), mode="bilinear", align_corners=False)
+    inputs = LightInputs(**seen, picture=fine, lens=numbers(batch.lens), **given)
     truth = LightTruth(radiance=picture(batch.truth), normals=picture(batch.normals, 127.0), family=family, **true)
     return seen_again(inputs, family == CUT_OUT), truth
 
@@ -80,6 +82,7 @@ def mirrored_inputs(inputs: LightInputs) -> LightInputs:
     return LightInputs(
         context=inputs.context.flip(3),
         crop=inputs.crop.flip(3),
+        picture=inputs.picture.flip(3),
         seen=inputs.seen.flip(3),
         lens=inputs.lens * inputs.lens.new_tensor([1.0, -1.0, 1.0, 1.0, 1.0]),
         up=_other_side(inputs.up),
@@ -150,10 +153,16 @@ def without_object(inputs: LightInputs, some: torch.Tensor) -> LightInputs:
     context = torch.cat(
         [inputs.context[:, :3], inputs.context[:, 3:4] * keep[:, None, None, None], inputs.context[:, 4:]], dim=1
     )
-    crop, normals = (one * keep[:, None, None, None] for one in (inputs.crop, inputs.normals))
+    crop, picture, normals = (one * keep[:, None, None, None] for one in (inputs.crop, inputs.picture, inputs.normals))
     lens = torch.cat([inputs.lens[:, :1], inputs.lens[:, 1:4] * keep[:, None], inputs.lens[:, 4:]], dim=1)
     return replace(
-        inputs, context=context, crop=crop, normals=normals, lens=lens, material=inputs.material * keep[:, None]
+        inputs,
+        context=context,
+        crop=crop,
+        picture=picture,
+        normals=normals,
+        lens=lens,
+        material=inputs.material * keep[:, None],
     )
 
 

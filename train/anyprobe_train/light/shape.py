@@ -11,14 +11,31 @@ CROP_PX, SIDE = 128, 64
 WIDTHS = (16, 32, 80, 160, 256)
 
 
-class ShapeNet(nn.Module):
-    """Crop and its lens -> unit normals in the camera's frame, see forward.
-
-    Its coarsest scale sees the whole object at once, so that far parts of an outline or a lit side count. It works in
-    the frame of a camera that looks at the crop's centre, where an object off centre looks like any other.
-    """
+class CropFrame(nn.Module):
+    """Centre (right, up) [N, 2] of crops and half their sides [N, 1] on the image plane -> the directions to them
+    [N, 3]; of their pixels, in the frame of a camera that looks at the centre, x / z and y / z [N, 2, 64, 64] and unit
+    directions to the camera [N, 3, 64, 64]."""
 
     middle_of: torch.Tensor
+
+    def __init__(self) -> None:
+        super().__init__()
+        middle_of = (torch.arange(SIDE) + 0.5) * (2.0 / SIDE) - 1.0
+        grid = torch.stack([-middle_of.expand(SIDE, SIDE), middle_of[:, None].expand(SIDE, SIDE)])
+        self.register_buffer("middle_of", grid[None].contiguous(), persistent=False)
+
+    def forward(self, center: torch.Tensor, half: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+        ray = F.normalize(torch.cat([center, -torch.ones_like(half)], dim=1), dim=1)
+        slope = self.middle_of * (half * (-ray[:, 2:]) ** 1.5)[:, :, None, None]
+        return ray, slope, F.normalize(torch.cat([slope, torch.ones_like(slope[:, :1])], dim=1), dim=1)
+
+
+class ShapeNet(nn.Module):
+    """Picture of the crop [N, 4, 128, 128], slope and wo of CropFrame -> normals [N, 3, 64, 64] of any length, in its
+    frame, where an object off centre looks like any other.
+
+    The coarsest scale sees the whole object at once, so that far parts of an outline or a lit side count.
+    """
 
     def __init__(self) -> None:
         super().__init__()
@@ -28,21 +45,8 @@ class ShapeNet(nn.Module):
         self.whole = nn.Sequential(nn.Flatten(), nn.Linear(WIDTHS[-1] * (SIDE >> len(pairs)) ** 2, WIDTHS[-1]))
         self.up = nn.ModuleList(UpBlock(b, a) for a, b in reversed(pairs))
         self.head = nn.Conv2d(WIDTHS[0], 3, 3, padding=1)
-        middle_of = (torch.arange(SIDE) + 0.5) * (2.0 / SIDE) - 1.0
-        grid = torch.stack([-middle_of.expand(SIDE, SIDE), middle_of[:, None].expand(SIDE, SIDE)])
-        self.register_buffer("middle_of", grid[None].contiguous(), persistent=False)
 
-    def forward(self, crop: torch.Tensor, center: torch.Tensor, half: torch.Tensor, side: int) -> torch.Tensor:
-        """Return normals [N, 3, side, side].
-
-        Args:
-            crop: [N, 4, H, H] RGB x mask, mask.
-            center, half: [N, 2] and [N, 1] the crop's centre (right, up) and half its side on the image plane.
-        """
-        ray = F.normalize(torch.cat([center, -torch.ones_like(half)], dim=1), dim=1)
-        slope = self.middle_of * (half * (-ray[:, 2:]) ** 1.5)[:, :, None, None]
-        wo = F.normalize(torch.cat([slope, torch.ones_like(slope[:, :1])], dim=1), dim=1)
-        picture = F.interpolate(crop, size=(CROP_PX, CROP_PX), mode="bilinear", align_corners=False)
+    def forward(self, picture: torch.Tensor, slope: torch.Tensor, wo: torch.Tensor) -> torch.Tensor:
         shown = torch.cat([F.pixel_unshuffle(picture, 2), slope], dim=1)
         levels = [self.first(shown.contiguous(memory_format=torch.channels_last))]
         for down in self.down:
@@ -52,9 +56,7 @@ class ShapeNet(nn.Module):
         for up in self.up:
             x = up(x, levels.pop())
         with torch.autocast(x.device.type, enabled=False):
-            n = self.head(x.float()) + wo  # untrained, every point faces the camera
-            n = F.interpolate(n, size=(side, side), mode="bilinear", align_corners=False)
-            return F.normalize(turned_towards(n, ray), dim=1)
+            return self.head(x.float()) + wo  # untrained, every point faces the camera
 
 
 def turned_towards(vectors: torch.Tensor, ray: torch.Tensor) -> torch.Tensor:

@@ -16,7 +16,7 @@ const MARGIN = CONTRACT.sizes.crop_margin;
 /**
  * @typedef {object} Given what is known of a picture beside its object's mask
  * @property {boolean} [isLensKnown] whether the field of view is the picture's own
- * @property {(pixel: number) => number} [coverOf] 1 where a pixel may be used for the surroundings, else 0; default: everywhere
+ * @property {(pixel: number) => number} [coverOf] 1 where a pixel beside the object may be used, else 0; default: everywhere
  * @property {number[] | null} [up] [3] away from the ground, camera frame
  * @property {Float32Array | null} [normals] [height, width, 3] of the object, camera frame, unit, zero where unknown
  * @property {Float32Array | null} [material] [8] of materialInput
@@ -76,7 +76,7 @@ function samples(from, until, s) {
   return Array.from({ length: Math.max(Math.ceil((until - first) / s), 0) }, (_, i) => first + i * s);
 }
 
-/** Display RGB, cover and mask, means over k x k pixels; the last blocks are cut at the border. */
+/** Display RGB times cover, cover and mask, means over k x k pixels; the last blocks are cut at the border. */
 function blockMeans({ width, height, rgba }, mask, coverOf, k) {
   const [down, across] = [Math.ceil(height / k), Math.ceil(width / k)];
   const means = new Float32Array(5 * down * across);
@@ -87,10 +87,9 @@ function blockMeans({ width, height, rgba }, mask, coverOf, k) {
     for (let y = row * k; y < bottom; y++) {
       for (let x = 0, pixel = y * width; x < width; x++, pixel++) {
         const to = 5 * Math.floor(x / k);
-        line[to] += rgba[4 * pixel];
-        line[to + 1] += rgba[4 * pixel + 1];
-        line[to + 2] += rgba[4 * pixel + 2];
-        line[to + 3] += coverOf(pixel);
+        const cover = Math.max(coverOf(pixel), mask[pixel]);
+        for (let c = 0; c < 3; c++) line[to + c] += cover * rgba[4 * pixel + c];
+        line[to + 3] += cover;
         line[to + 4] += mask[pixel];
       }
     }

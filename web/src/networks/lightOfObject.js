@@ -4,7 +4,7 @@ import { CONTRACT } from "../core/contract.js";
 import { MAP_HEIGHT, pixelSolidAngles } from "../core/latlong.js";
 import { measured } from "../light/mirror.js";
 import { exposureDoubts } from "../photo/exposure.js";
-import { backdropDoubts, darkBesideDoubts, groundDoubts, groundOf, upOf } from "../photo/ground.js";
+import { backdropDoubts, groundDoubts, groundOf, upOf } from "../photo/ground.js";
 import { objectBox } from "../photo/picture.js";
 import { graphInputs } from "./lightGraph.js";
 
@@ -35,9 +35,9 @@ export async function lightOfObject(models, picture, mask, longFovDeg, options) 
   const said = await models.light(inputs);
   const wellExposed = said.well_exposed[0];
   const { radiance, confidence } = mirror ? withMirror(said, mirror, Math.min(1, wellExposed / ENOUGH)) : said;
-  const [isPlain, isDark] = isShown ? said.background : [0, 0];
-  const isUsed = isShown && !isPlain && !isDark;
-  const ground = isUsed ? groundOf(picture, mask, objectBox(mask, picture.width), pitchDeg, said.posture) : null;
+  const isUsed = isShown && said.believed[0] > CONTRACT.graph.place;
+  const lens = isLensKnown ? undefined : said.field_of_view[0];
+  const ground = isUsed ? groundOf(picture, mask, objectBox(mask, picture.width), pitchDeg, said.posture, lens) : null;
   const [metal, red, green, blue, reflectance] = said.object_material;
   const [errorDeg, level, colorDeg] = said.errors;
   return {
@@ -53,7 +53,7 @@ export async function lightOfObject(models, picture, mask, longFovDeg, options) 
     ground,
     warnings: [
       ...exposureDoubts(picture, mask),
-      ...(isPlain ? backdropDoubts(inputs.photo[0]) : isDark ? darkBesideDoubts() : groundDoubts(ground)),
+      ...(isShown && !isUsed ? backdropDoubts(inputs.photo[0]) : groundDoubts(ground)),
     ],
     hints: {
       surroundings: sphereMean(said.seen.filter((_, i) => i % 4 === 3)),

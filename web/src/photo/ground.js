@@ -59,14 +59,16 @@ export function upOf(pitchDeg, rollDeg = 0) {
  * @param {number[]} box of the mask's object
  * @param {number | undefined} pitchDeg how far the camera looks down, where it is known
  * @param {Float32Array} posture of Models.light: pitch, roll and the pitch's mean error [degrees]
- * @returns {{pitchDeg: number, pitchErrorDeg: number, rollDeg: number, contact: number[], source: "given" | "estimated"}}
+ * @param {number} [longFovDeg] field of view of the longer side by the network, where nothing else says it
+ * @returns {{pitchDeg: number, pitchErrorDeg: number, rollDeg: number, contact: number[], source: "given" | "estimated", longFovDeg?: number}}
  */
-export function groundOf({ width }, mask, box, pitchDeg, posture) {
+export function groundOf({ width }, mask, box, pitchDeg, posture, longFovDeg) {
   const contact = contactOf(mask, width, box);
-  if (pitchDeg !== undefined) return { pitchDeg, pitchErrorDeg: GROUND.given_error_deg, rollDeg: 0, contact, source: "given" };
+  const lens = longFovDeg === undefined ? {} : { longFovDeg };
+  if (pitchDeg !== undefined) return { pitchDeg, pitchErrorDeg: GROUND.given_error_deg, rollDeg: 0, contact, source: "given", ...lens };
   const [foundDeg, rollDeg, errorDeg] = posture;
   const pitchErrorDeg = Math.sqrt(Math.PI / 2) * errorDeg;
-  return { pitchDeg: foundDeg, pitchErrorDeg, rollDeg, contact, source: "estimated" };
+  return { pitchDeg: foundDeg, pitchErrorDeg, rollDeg, contact, source: "estimated", ...lens };
 }
 
 /**
@@ -96,18 +98,8 @@ export function backdropDoubts(photo) {
     if (photo[at + 4] < 0.5) levels.push(luminance(photo[at], photo[at + 1], photo[at + 2]));
   }
   if (levels.length === 0 || median(levels) <= GROUND.backdrop_level) return [];
-  const text = "the background is of one colour, as a cut-out's, and is not used; if it is real, ask for it";
+  const text = "the background does not look like the object's surroundings, and is not used; if it is, ask for it";
   return [notice("plain-backdrop", text, [{ do: "give", name: "surroundings", value: "photo" }])];
-}
-
-/**
- * A line where what is beside the object is much darker than it; anyprobe.estimate.doubts has the same.
- *
- * @returns {import("../notices.js").Notice[]}
- */
-export function darkBesideDoubts() {
-  const text = "the background is much darker than the object, so it is ignored; if the same light falls on it, ask for it";
-  return [notice("dark-backdrop", text, [{ do: "give", name: "surroundings", value: "photo" }])];
 }
 
 /** @param {number[]} values */
