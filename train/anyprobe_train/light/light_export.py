@@ -86,7 +86,8 @@ class LeanGraph(nn.Module):
         confidence = torch.sigmoid(answer.confidence[0, 0]) * worth
         confidence = confidence + asked[0] * (SEEN_CONFIDENCE - confidence)
         guess = torch.exp(answer.ln_radiance[0])
-        radiance = guess + asked * (torch.maximum(light, guess * (light >= 1.0)) - guess)
+        white = (light == 1.0).float()  # as bright or brighter; what is above was measured
+        radiance = guess + asked * (torch.maximum(light, guess * white) - guess)
         outputs = (
             radiance.permute(1, 2, 0),
             confidence,

@@ -16,7 +16,7 @@ from anyprobe.core.latlong import pixel_directions
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe_train.light.drawing import LN_MOST, SLOTS, MapDrawing
 from anyprobe_train.light.object_map import ObjectMap
-from anyprobe_train.light.shape import SIDE, CropFrame, ShapeNet, turned_towards
+from anyprobe_train.light.shape import SIDE, CropFrame, ShapeNet, turned_back, turned_towards
 from anyprobe_train.light.shown import inverse_display
 from anyprobe_train.nets.blocks import conv, two_layers, wrap
 
@@ -236,11 +236,9 @@ class LeanNet(nn.Module):
     def _alone(self, inputs, frame, n, known) -> torch.Tensor:
         """Return what the object alone shows, by given normals [N, 3, 48, 48] where they are known [N, 1, 48, 48]."""
         with torch.autocast(n.device.type, enabled=False):
-            ray = frame[0]
-            back = torch.cat([-ray[:, :2], ray[:, 2:]], dim=1)
-            own = turned_towards(inputs.normals, back)
-            own, known = (F.interpolate(one, size=(SIDE, SIDE), mode="nearest") for one in (own, known))
-            normals = F.normalize(known * own + (1 - known) * n.detach(), dim=1)
+            given = turned_back(inputs.normals, frame[0])
+            given, known = (F.interpolate(one, size=(SIDE, SIDE), mode="nearest") for one in (given, known))
+            normals = F.normalize(known * given + (1 - known) * n.detach(), dim=1)
         return self.alone(inputs.picture, frame, normals, known, inputs.material)
 
     def _lifting(self, normals: torch.Tensor, crop_rays: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:

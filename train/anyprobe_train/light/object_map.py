@@ -11,7 +11,7 @@ from torch.nn import functional as F
 from anyprobe.core.latlong import direction_to_uv, pixel_directions
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.scatter.materials import MATERIAL_INPUTS
-from anyprobe_train.light.shape import turned_towards
+from anyprobe_train.light.shape import turned_back
 from anyprobe_train.nets.blocks import UpBlock, conv, two_layers, wrap
 
 OBJECT_WIDTHS, SPHERE_WIDTHS = (16, 32, 64, 128, 192), (24, 48, 96, 128)
@@ -93,8 +93,8 @@ class ObjectMap(nn.Module):
         out = self._completed(lifted, code)
         with torch.autocast(x.device.type, enabled=False):
             radiance = torch.exp((LN_SCALE * out.float() + MEAN_LN).clamp(max=0.0))
-            back = torch.cat([-ray[:, :2], ray[:, 2:]], dim=1)
-            uv = direction_to_uv(turned_towards(self.directions.expand(len(ray), -1, -1, -1), back).permute(0, 2, 3, 1))
+            d = turned_back(self.directions.expand(len(ray), -1, -1, -1), ray)
+            uv = direction_to_uv(d.permute(0, 2, 3, 1))
             across = (uv[..., :1] * (2 * MAP_HEIGHT) + 1.0) / (MAP_HEIGHT + 1.0) - 1.0  # of the map and its border
             at = torch.cat([across, 2.0 * uv[..., 1:] - 1.0], dim=3)
             return F.grid_sample(wrap(radiance, 1), at, padding_mode="border", align_corners=False)

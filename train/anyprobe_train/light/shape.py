@@ -65,3 +65,8 @@ def turned_towards(vectors: torch.Tensor, ray: torch.Tensor) -> torch.Tensor:
     x, y, z = vectors.unbind(dim=1)
     along = (a * x + b * y) / (1.0 - c)
     return torch.stack([x - a * (z + along), y - b * (z + along), -c * z + a * x + b * y], dim=1)
+
+
+def turned_back(vectors: torch.Tensor, ray: torch.Tensor) -> torch.Tensor:
+    """Undo `turned_towards`."""
+    return turned_towards(vectors, torch.cat([-ray[:, :2], ray[:, 2:]], dim=1))
