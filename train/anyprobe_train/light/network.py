@@ -312,9 +312,10 @@ class LeanNet(nn.Module):
         goes_on = torch.sigmoid(of_map[:, 5:6] + 4.0 * cover - 2.0) * some
         own = torch.exp((of_map[:, :3] + FIRST_LN).clamp(max=LN_MOST))
         believed = (goes_on * cover).sum(dim=(1, 2, 3)) / cover.sum(dim=(1, 2, 3)).clamp(min=1.0)
-        shown = (1 - goes_on) * own + goes_on * shown_there
-        share = believed[:, None, None, None]
-        ln_shown = torch.log(share * shown + (1 - share) * alone + LN_FLOOR)
+        in_place = (inputs.context[:, 4] - inputs.context[:, 3]).amax(dim=(1, 2)).clamp(min=0.0, max=1.0)
+        share = (believed * in_place)[:, None, None, None]
+        unseen = share * own + (1 - share) * alone
+        ln_shown = torch.log((1 - goes_on) * unseen + goes_on * shown_there + LN_FLOOR)
         ln_power, exists, ln_radius, ln_powers, soft, errors = light.split([3, SLOTS, SLOTS, 3 * SLOTS, 1, 3], dim=1)
         lens, outdoors, material = photo.split([2, 1, 5], dim=1)
         density = of_map[:, 3:4]
