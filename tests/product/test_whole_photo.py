@@ -86,7 +86,7 @@ def test_cut_outs_say_what_the_object_alone_says(background):
     assert auto.plate is None
     assert "surroundings" not in auto.info["hints"]
     far = np.abs(response(auto.radiance) - response(alone.radiance)).mean()
-    assert far < (1e-4 if background == "transparent" else 0.1)
+    assert far < (1e-4 if background == "transparent" else 0.12)
 
 
 @pytest.mark.parametrize(("grey", "opaque", "said"), [(250, True, True), (0, True, False), (250, False, False)])

@@ -306,16 +306,17 @@ class LeanNet(nn.Module):
         of_map, slots = out.split([24, SLOTS], dim=1)
         of_map = F.pixel_shuffle(of_map, 2)
         cover = inputs.seen[:, 3:]
-        beside = F.interpolate(near[:, :3], scale_factor=2.0, mode="nearest")
-        shown_there = inverse_display(inputs.seen[:, :3] + (1 - cover) * beside)
+        nearest = F.interpolate(near[:, :3], scale_factor=2.0, mode="nearest")
+        shown_there = inverse_display(inputs.seen[:, :3] + (1 - cover) * nearest)
         some = F.interpolate(near[:, 4:5], scale_factor=2.0, mode="nearest")
         goes_on = torch.sigmoid(of_map[:, 5:6] + 4.0 * cover - 2.0) * some
         own = torch.exp((of_map[:, :3] + FIRST_LN).clamp(max=LN_MOST))
         believed = (goes_on * cover).sum(dim=(1, 2, 3)) / cover.sum(dim=(1, 2, 3)).clamp(min=1.0)
-        in_place = (inputs.context[:, 4] - inputs.context[:, 3]).amax(dim=(1, 2)).clamp(min=0.0, max=1.0)
-        share = (believed * in_place)[:, None, None, None]
-        unseen = share * own + (1 - share) * alone
-        ln_shown = torch.log((1 - goes_on) * unseen + goes_on * shown_there + LN_FLOOR)
+        beside = (inputs.context[:, 4:] - inputs.context[:, 3:4]).amax(dim=(1, 2, 3), keepdim=True).clamp(0.0, 1.0)
+        given = (1 - beside) * goes_on  # from a panorama
+        share = believed[:, None, None, None] * beside
+        shown = (1 - goes_on) * own + goes_on * shown_there
+        ln_shown = torch.log(share * shown + (1 - share) * ((1 - given) * alone + given * shown_there) + LN_FLOOR)
         ln_power, exists, ln_radius, ln_powers, soft, errors = light.split([3, SLOTS, SLOTS, 3 * SLOTS, 1, 3], dim=1)
         lens, outdoors, material = photo.split([2, 1, 5], dim=1)
         density = of_map[:, 3:4]

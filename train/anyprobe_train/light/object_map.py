@@ -1,4 +1,4 @@
-"""What an object alone shows of the light, for photos in which nothing beside it is to be believed.
+"""The map that an object alone shows, for photos in which nothing beside it is to be believed.
 
 A pixel of a smooth object shows mostly the light of its mirror direction. Moved there, pixels of the photo become
 pixels of the map, and only the gaps remain to be completed.
