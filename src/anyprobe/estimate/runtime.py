@@ -102,17 +102,14 @@ class Models:
 
     def _chain(self, image: np.ndarray, frame: np.ndarray) -> Said:
         photo = np.ascontiguousarray(image.transpose(2, 0, 1)[None], dtype=np.float32)
-        irradiance_net, illumination_net, hdr_net = (partial(self._picture, one, frame[3, 0]) for one in STAGES)
+        irradiance_net, illumination_net, hdr_net = (partial(self._picture, stage) for stage in STAGES)
         made = estimate_light(photo, irradiance_net, illumination_net, hdr_net)
         irradiance, radiance = (one[0].transpose(1, 2, 0) for one in (made.irradiance, made.radiance))
         radiance = np.maximum(rotate(radiance, frame[:3]), 0.0)
         return Said(radiance=radiance, crop=image, crop_frame=frame, irradiance=irradiance.clip(0.0, 1.0))
 
-    def _picture(self, stage: str, tan_half: float, picture: np.ndarray) -> np.ndarray:
-        """Run a stage of the chain; its graph may also ask for the tangent of half the field of view."""
-        names = (one.name for one in self._sessions[stage].get_inputs())
-        values = (picture, np.full((1, 1), tan_half, np.float32))
-        return self._sessions[stage].run(None, dict(zip(names, values, strict=False)))[0]
+    def _picture(self, stage: str, picture: np.ndarray) -> np.ndarray:
+        return self._sessions[stage].run(None, {"input": picture})[0]
 
 
 def crop_of(inputs: Mapping[str, np.ndarray], size: int = PHOTO_SIZE) -> tuple[np.ndarray, np.ndarray]:

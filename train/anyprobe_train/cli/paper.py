@@ -16,7 +16,7 @@ def paper(
     *,
     data: Data = None,
     runs: Annotated[Path, Parameter(help="Folder of tables, checkpoints and logs.")] = Path("runs/paper"),
-    setting: Annotated[str, Parameter(help="Sizes: full, quarter (of the steps), small or tiny.")] = "full",
+    setting: Annotated[str, Parameter(help="Sizes: full, quarter, short (a 24th), small, tiny.")] = "full",
     only: Annotated[str, Parameter(help="One piece, by name; default: all in order.")] = "",
     stop: Annotated[int | None, Parameter(help="Leave each piece at this step, to test a machine."), bounded(1)] = None,
     table: Annotated[bool, Parameter(name="--table", help="Train nothing; write Table 1 of what is trained.")] = False,

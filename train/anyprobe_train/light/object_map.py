@@ -31,6 +31,7 @@ class ObjectMap(nn.Module):
     """Radiance up to white [N, 3, 64, 128] in the camera's frame, see forward."""
 
     directions: torch.Tensor
+    coarse_directions: torch.Tensor
 
     def __init__(self) -> None:
         super().__init__()
@@ -93,8 +94,7 @@ class ObjectMap(nn.Module):
         out = self._completed(lifted, code)
         with torch.autocast(x.device.type, enabled=False):
             radiance = torch.exp((LN_SCALE * out.float() + MEAN_LN).clamp(max=0.0))
-            d = turned_back(self.directions.expand(len(ray), -1, -1, -1), ray)
-            uv = direction_to_uv(d.permute(0, 2, 3, 1))
+            uv = direction_to_uv(turned_back(self.directions, ray).permute(0, 2, 3, 1))
             across = (uv[..., :1] * (2 * MAP_HEIGHT) + 1.0) / (MAP_HEIGHT + 1.0) - 1.0  # of the map and its border
             at = torch.cat([across, 2.0 * uv[..., 1:] - 1.0], dim=3)
             return F.grid_sample(wrap(radiance, 1), at, padding_mode="border", align_corners=False)

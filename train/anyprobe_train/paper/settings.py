@@ -1,4 +1,4 @@
-"""Sizes of a whole reproduction: full, in a quarter of the steps, in ten minutes, and in one for tests."""
+"""Sizes of a whole reproduction: full, in a quarter and a 24th of the steps, in ten minutes, and in one for tests."""
 
 from dataclasses import dataclass
 
@@ -38,6 +38,7 @@ class Setting:
 SETTINGS = {
     "full": Setting(),
     "quarter": Setting(share=0.25),
+    "short": Setting(share=1 / 24),
     "small": Setting(
         side=64, rows=32, width=12, code=64, rings=24, own_maps=8, most=16, share=0.004, scored=64,
         table_pairs=200, log_every=50, score_every=200,
@@ -47,8 +48,8 @@ SETTINGS = {
         table_pairs=16, log_every=2, score_every=4,
     ),
 }  # fmt: skip
-"""full: what is published. quarter: a quarter of its steps. small: everything within ten minutes of two cores. tiny:
-within a minute."""
+"""full: what is to be published. quarter: a quarter of its steps. short: a 24th, which ships. small: everything
+within ten minutes of two cores. tiny: within a minute."""
 
 
 def setting_named(name: str) -> Setting:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -15,11 +16,12 @@ from anyprobe_train.evaluate.metrics import psnr, rmse, ssim
 from anyprobe_train.evaluate.standard_errors import clustered_error
 from anyprobe_train.paper.networks import in_chain, ln_of_scaled, scaled_ln
 from anyprobe_train.paper.pairs import PaperPairs, balanced
+from anyprobe_train.paper.pieces import piece_named
 from anyprobe_train.paper.scores import blocks
 from anyprobe_train.paper.settings import Setting
 from anyprobe_train.paper.sheets import as_pictures
 from anyprobe_train.paper.tables import Tables
-from anyprobe_train.paper.training import load_net
+from anyprobe_train.paper.training import is_trained, load_net
 
 DESIGNS = ("direct", "irradiance", "ours", "ideal")
 PRINTED = {
@@ -52,8 +54,9 @@ class Rows:
 
 @torch.no_grad()
 def score_designs(runs: Path, setting: Setting, tables: Tables, mean_map: torch.Tensor, count: int) -> Rows:
-    """Score every design on `count` balanced pairs of tables."""
-    nets = {name: in_chain(load_net(setting, runs, name)) for name in ("irradiance_net", "hdr_net", *DESIGNS)}
+    """Score every design that is trained on `count` balanced pairs of tables."""
+    trained = [name for name in DESIGNS if is_trained(piece_named(name), setting, runs)]
+    nets = {name: in_chain(load_net(setting, runs, name)) for name in ("irradiance_net", "hdr_net", *trained)}
     which = balanced(tables, count, 1)
     found: dict[str, list[float]] = {}
     for pairs in blocks(tables, which):
@@ -75,7 +78,7 @@ def score_designs(runs: Path, setting: Setting, tables: Tables, mean_map: torch.
 
 def _methods(nets: dict, pairs: PaperPairs, mean_map: torch.Tensor) -> Iterator[tuple[str, dict[str, torch.Tensor]]]:
     """Yield what each method makes of pairs, by stage."""
-    for design in DESIGNS:
+    for design in (name for name in DESIGNS if name in nets):
         first = {"direct": lambda photo: photo[:, :3], "ideal": lambda photo: pairs.irradiance[:, :3]}
         made = estimate_light(pairs.photo, first.get(design, nets["irradiance_net"]), nets[design], nets["hdr_net"])
         stages = {"ldr": made.ldr, "hdr": _scaled(made.radiance)}
@@ -111,7 +114,7 @@ def table(test: Rows, seen: Rows) -> str:
         numbers = [f"{own[0]:.2f}", f"{own[1]:.4f}", f"{own[2]:.3f}", f"{known[0]:.4f}", f"{known[1]:.3f}", *theirs]
         lines.append(f"| {method} | {STAGES[stage]} | " + " | ".join(numbers) + " |")
     lines += ["", "| step, gain in LDR RMSE, 95 % | unseen | |", "|---|---|---|"]
-    for worse, better in zip(DESIGNS, DESIGNS[1:], strict=False):
+    for worse, better in pairwise(name for name in DESIGNS if f"{name} ldr RMSE" in test.figures):
         gain = test.figures[f"{worse} ldr RMSE"] - test.figures[f"{better} ldr RMSE"]
         mean, reach = gain.mean(), 1.96 * clustered_error(gain, test.maps, test.shapes)
         lines.append(f"| {worse} to {better} | {mean:+.4f} +- {reach:.4f} | {verdict(mean, reach)} |")
