@@ -113,12 +113,13 @@ def table(test: Rows, seen: Rows) -> str:
         theirs = ["", "", ""] if printed is None else [f"{printed[0]:.2f}", f"{printed[1]:.4f}", f"{printed[2]:.3f}"]
         numbers = [f"{own[0]:.2f}", f"{own[1]:.4f}", f"{own[2]:.3f}", f"{known[0]:.4f}", f"{known[1]:.3f}", *theirs]
         lines.append(f"| {method} | {STAGES[stage]} | " + " | ".join(numbers) + " |")
-    lines += ["", "| step, gain in LDR RMSE, 95 % | unseen | |", "|---|---|---|"]
+    steps = []
     for worse, better in pairwise(name for name in DESIGNS if f"{name} ldr RMSE" in test.figures):
         gain = test.figures[f"{worse} ldr RMSE"] - test.figures[f"{better} ldr RMSE"]
         mean, reach = gain.mean(), 1.96 * clustered_error(gain, test.maps, test.shapes)
-        lines.append(f"| {worse} to {better} | {mean:+.4f} +- {reach:.4f} | {verdict(mean, reach)} |")
-    return "\n".join(lines) + "\n"
+        steps.append(f"| {worse} to {better} | {mean:+.4f} +- {reach:.4f} | {verdict(mean, reach)} |")
+    head = ["", "| step, gain in LDR RMSE, 95 % | unseen | |", "|---|---|---|"] if steps else []
+    return "\n".join([*lines, *head, *steps]) + "\n"
 
 
 def verdict(mean: float, reach: float) -> str:
