@@ -121,8 +121,8 @@ def lifted_means(values: torch.Tensor, weight: torch.Tensor, wi: torch.Tensor) -
     """Return weighted means of values [N, C, S, S] by the pixel of a map that wi [N, 3, S, S] falls in, at 64, 32, 16,
     8 and 4 rows [N, C + 1, H, 2H]; the last channel says how much of the object there is, in [0, 1)."""
     uv = direction_to_uv(wi.detach().flatten(2).transpose(1, 2))
-    column = (uv[..., 0] * (2 * MAP_HEIGHT)).floor().clamp(0, 2 * MAP_HEIGHT - 1).long()
-    row = (uv[..., 1] * MAP_HEIGHT).floor().clamp(0, MAP_HEIGHT - 1).long()
+    column = (uv[..., 0] * (2 * MAP_HEIGHT)).floor().long().clamp(0, 2 * MAP_HEIGHT - 1)  # in integers: no NaN is left
+    row = (uv[..., 1] * MAP_HEIGHT).floor().long().clamp(0, MAP_HEIGHT - 1)
     carried = torch.cat([values * weight, weight], dim=1).flatten(2)
     nothing = (0.0 * carried[..., :1]).expand(-1, -1, 2 * MAP_HEIGHT**2)  # exports keep no megabyte of zeros
     sums = nothing.scatter_add(2, (row * (2 * MAP_HEIGHT) + column)[:, None].expand_as(carried), carried)
