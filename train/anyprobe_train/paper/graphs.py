@@ -110,8 +110,7 @@ On test maps and shapes, beside [the paper's own](../../../../docs/explanation/p
 {table}
 
 Cropped to the object's box, as estimates are, LDR map: {boxes}.
-On photos exposed as real ones are it is much worse than the weights before:
-[cut-outs](../../../../docs/explanation/results.md#cut-outs).
+Photos exposed as real ones are: [cut-outs](../../../../docs/explanation/results.md#cut-outs).
 
 ## Limits
 
