@@ -30,7 +30,7 @@ TEST_ASSETS = ("--hdri", "h", "--meshes", "m")
         (("run", "mask"), "in a clone, with python -m anyprobe_train.mask_network"),
         (("run", "paper", "--steps", "9"), "--steps and --init-weights: expected neither with the run paper"),
         (("export", "o", "paper"), "anyprobe-train paper --graphs FOLDER"),
-        (("paper", "--setting", "smal"), "expected one of full, quarter, small, tiny, got 'smal'"),
+        (("paper", "--setting", "smal"), "expected one of full, quarter, short, small, tiny, got 'smal'"),
         (("paper", "--only", "hdr_nets"), "did you mean hdr_net?"),
         (("paper", "--figure", "3"), "expected one of 6, 7, 10, 11, 12, 13, 14, 15, 16, got 3"),
         (("export", "o", "mask"), "in a clone, with python -m anyprobe_train.mask_network"),
