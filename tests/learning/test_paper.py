@@ -25,7 +25,7 @@ from anyprobe.paper.equations import filter_exponent  # noqa: E402
 from anyprobe.render.integrate import shade, shading_pyramid  # noqa: E402
 from anyprobe.scatter.materials import Material  # noqa: E402
 from anyprobe_train.dataset.asset_store import own_map  # noqa: E402
-from anyprobe_train.paper import graphs, schedule  # noqa: E402
+from anyprobe_train.paper import graphs, schedule, shipped  # noqa: E402
 from anyprobe_train.paper.figures import FIGURES  # noqa: E402
 from anyprobe_train.paper.graphs import export_chain  # noqa: E402
 from anyprobe_train.paper.lobes import Rings, light_places, light_waves, lobes, shown  # noqa: E402
@@ -40,7 +40,7 @@ from anyprobe_train.paper.rivals import spheres_of, unwrapped_mirror, unwrapped_
 from anyprobe_train.paper.settings import SETTINGS  # noqa: E402
 from anyprobe_train.paper.table_1 import verdict  # noqa: E402
 from anyprobe_train.paper.tables import exposed, exposure_of  # noqa: E402
-from anyprobe_train.paper.training import checkpoint_of, stored  # noqa: E402
+from anyprobe_train.paper.training import checkpoint_of, load_net, stored  # noqa: E402
 
 TINY = SETTINGS["tiny"]
 QUICK = replace(TINY, scored=4, log_every=100, score_every=100)
@@ -208,7 +208,7 @@ def exported(runs, folder, setting):
 
 
 @pytest.mark.filterwarnings("ignore")  # of the tracer
-def test_the_exported_chain_estimates_as_torch_does(runs, tmp_path):
+def test_the_exported_chain_estimates_as_torch_does(runs, tmp_path, monkeypatch):
     pytest.importorskip("onnx", reason="needs ./train[torch]")
     setting = replace(SETTINGS["full"], width=4, code=16)
     nets = exported(beside(runs, tmp_path / "runs"), tmp_path / "graphs", setting)
@@ -220,6 +220,13 @@ def test_the_exported_chain_estimates_as_torch_does(runs, tmp_path):
         made = estimate_light(torch.from_numpy(said.image.transpose(2, 0, 1).copy())[None], *nets)
     radiance = rotate(made.radiance[0].permute(1, 2, 0).numpy(), said.camera_from_crop)
     assert np.abs(response(said.radiance) - response(radiance)).max() < 0.02
+    monkeypatch.setattr(shipped, "weights_folder", lambda model: tmp_path / "graphs")
+    for name, picture, expected in (("ours", torch.rand(2, 4, 128, 128), nets[1]), ("hdr_net", made.ldr, nets[2])):
+        taken = load_net(setting, tmp_path / "empty", name)  # what ships stands in where nothing is trained
+        with torch.no_grad():
+            torch.testing.assert_close(taken(picture), expected(picture), atol=0.02, rtol=0.02)
+    with pytest.raises(InputError, match="expected ours to be trained"):
+        load_net(replace(setting, share=0.5), tmp_path / "empty", "ours")
     card = (tmp_path / "graphs" / "README.md").read_text()
     assert "| `illumination.onnx` | 0.1 M | 3 of 100,000 | 48 |" in card
     assert "LDR map: rmse 0.25." in card

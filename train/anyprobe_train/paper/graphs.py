@@ -9,16 +9,15 @@ import torch
 from torch.nn import functional as F
 
 from anyprobe.errors import InputError
-from anyprobe.estimate.runtime import CONTRACT, PHOTO_SIZE, STAGES, model_id, weights_folder
+from anyprobe.estimate.runtime import CONTRACT, PHOTO_SIZE, model_id, weights_folder
 from anyprobe.files.atomic import atomic_path
 from anyprobe_train.paper.networks import in_chain
 from anyprobe_train.paper.pieces import piece_named, steps_of
 from anyprobe_train.paper.settings import SETTINGS, Setting
+from anyprobe_train.paper.shipped import PIECE_OF
 from anyprobe_train.paper.training import checkpoint_of, load_net, log_of, stored
 from anyprobe_train.train.export_onnx import CONVOLUTIONS, FLOATS, LINEAR_LAYERS, Graph, write_graph
 
-PIECE_OF = dict(zip(STAGES, ("irradiance_net", "ours", "hdr_net"), strict=True))
-"""Each graph's piece."""
 TOLERANCE = 0.02
 """Largest median difference of display values or ln radiance that weights of eight bits may cause."""
 

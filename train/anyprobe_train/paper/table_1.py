@@ -20,6 +20,7 @@ from anyprobe_train.paper.pieces import piece_named
 from anyprobe_train.paper.scores import blocks
 from anyprobe_train.paper.settings import Setting
 from anyprobe_train.paper.sheets import as_pictures
+from anyprobe_train.paper.shipped import ShippedNet, graph_of
 from anyprobe_train.paper.tables import Tables
 from anyprobe_train.paper.training import is_trained, load_net
 
@@ -54,9 +55,10 @@ class Rows:
 
 @torch.no_grad()
 def score_designs(runs: Path, setting: Setting, tables: Tables, mean_map: torch.Tensor, count: int) -> Rows:
-    """Score every design that is trained on `count` balanced pairs of tables."""
-    trained = [name for name in DESIGNS if is_trained(piece_named(name), setting, runs)]
-    nets = {name: in_chain(load_net(setting, runs, name)) for name in ("irradiance_net", "hdr_net", *trained)}
+    """Score every design that is trained, or ships, on `count` balanced pairs of tables."""
+    trained = [name for name in DESIGNS if is_trained(piece_named(name), setting, runs) or graph_of(name, setting)]
+    loaded = {name: load_net(setting, runs, name) for name in ("irradiance_net", "hdr_net", *trained)}
+    nets = {name: net if isinstance(net, ShippedNet) else in_chain(net) for name, net in loaded.items()}
     which = balanced(tables, count, 1)
     found: dict[str, list[float]] = {}
     for pairs in blocks(tables, which):

@@ -22,6 +22,7 @@ from anyprobe_train.paper.pairs import PaperPairs, drawn, pairs_of, reexposed
 from anyprobe_train.paper.pieces import Piece, input_of, network_of, piece_named, steps_of, target_of
 from anyprobe_train.paper.scores import Scorer
 from anyprobe_train.paper.settings import Setting
+from anyprobe_train.paper.shipped import ShippedNet, graph_of
 from anyprobe_train.paper.tables import EXPOSURES, Tables
 
 SAVE_SECONDS = 180.0
@@ -119,7 +120,9 @@ def is_trained(piece: Piece, setting: Setting, runs: Path) -> bool:
 
 
 def load_net(setting: Setting, runs: Path, name: str, device: str = "cpu") -> nn.Module:
-    """Return a trained piece's network, for estimates."""
+    """Return a trained piece's network, for estimates: that of runs, else the one that ships."""
+    if not checkpoint_of(runs, name).is_file() and (graph := graph_of(name, setting)) is not None:
+        return ShippedNet(graph)
     net = network_of(piece_named(name), setting)
     net.load_state_dict(stored(runs, name)["net"])
     return placed(net, device).eval().requires_grad_(False)

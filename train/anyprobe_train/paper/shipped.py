@@ -1,0 +1,38 @@
+"""The paper's networks that ship, as their graphs compute them: what needs one that was not trained here takes it."""
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+import torch
+from torch import nn
+
+from anyprobe.estimate.runtime import STAGES, weights_folder
+from anyprobe.files.graphs import open_graph
+from anyprobe_train.paper.settings import Setting
+
+PIECE_OF = dict(zip(STAGES, ("irradiance_net", "ours", "hdr_net"), strict=True))
+"""Each graph's piece."""
+
+
+class ShippedNet(nn.Module):
+    """A graph, as a network of the chain: display values clipped to [0, 1], or ln radiance."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self._session = open_graph(path, torch.get_num_threads())
+
+    def forward(self, picture: torch.Tensor) -> torch.Tensor:
+        """Estimate, without a gradient."""
+        (output,) = self._session.run(None, {"input": picture.float().contiguous().cpu().numpy()})
+        return torch.from_numpy(output).to(picture.device)
+
+
+def graph_of(name: str, setting: Setting) -> Path | None:
+    """Return the graph of a piece that ships; None where it does not, or is of another setting."""
+    stage = next((stage for stage, piece in PIECE_OF.items() if piece == name), None)
+    if stage is None:
+        return None
+    path = weights_folder("paper") / f"{stage}.onnx"
+    config = json.loads(open_graph(path).get_modelmeta().custom_metadata_map["config"])
+    return path if all(config[key] == value for key, value in asdict(setting).items()) else None
