@@ -3,10 +3,11 @@
 python -m research.inserts DATA --kept DIR [-o sheet.png]
 
 A clay pebble stands on a plane under a real map; Mitsuba draws it without and with a second object beside it. Into the
-first picture relight inserts the same mesh at the same place, lit by the same map. Figures are root mean squares of
-differences of display values: over what either picture changes, over the object's pixels, and over the others. The
-pebble's own pixels are left out: nothing inserted changes them. No blur, no grain. Single bright pixels of the
-path-traced picture, caustics of few paths, count as the median around them.
+first picture relight inserts the same mesh at the same place, lit by the same map. All of it is done twice with other
+random numbers: figures are roots of the mean product of both differences of display values, in which the noise of path
+tracing cancels: over what either picture changes, over the object's pixels, and over the others. The pebble's own
+pixels are left out: nothing inserted changes them. No blur, no grain. Single bright pixels of the path-traced picture,
+caustics of few paths, count as the median around them.
 """
 
 from __future__ import annotations
@@ -111,9 +112,21 @@ def insert(
         this module, and the seconds of a core that the insertion took.
     """
     kept.mkdir(parents=True, exist_ok=True)
+    (photo, truth, ours, stage, seconds), again = (
+        _inserted(setting, light, mesh, material, kept, name, turn_deg, seed) for seed in (0, 1)
+    )
+    products = (truth - ours) * (again[1] - again[2])
+    changed = np.maximum(np.abs(truth - photo.rgb), np.abs(ours - photo.rgb)).max(axis=-1) > CHANGED
+    return [photo.rgb, truth, ours], [*_differences(products.mean(axis=-1), changed, photo, stage), seconds]
+
+
+def _inserted(
+    setting: Setting, light: np.ndarray, mesh: Mesh, material: str, kept: Path, name: str, turn_deg: float, seed: int
+) -> tuple[Photo, np.ndarray, np.ndarray, Stage, float]:
+    """Return the photo, the path-traced and the inserted picture, the stage, and the seconds of a core it took."""
     view = _view(setting)
     things = {"real": (_standing(open_object("pebble"), view, REAL_AT), CLAY)}
-    plate, mask = _traced(kept / "photo.npz", view, light, setting, things)
+    plate, mask = _traced(kept / f"photo_{seed}.npz", view, light, setting, things, seed)
     gain = np.float32(BRIGHTNESS / luminance(plate).mean())
     photo = load_photo(to_bytes(response(plate * gain)), mask=mask, fov_deg=FOV_DEG)
     photo = replace(photo, rgb=response(plate * gain).astype(np.float32))
@@ -124,20 +137,19 @@ def insert(
     ours = stage.relit(surroundings, material)
     seconds = time.process_time() - started
     things["inserted"] = stage.placement.mesh, material_named(material)
-    truth = _without_fireflies(response(_traced(kept / f"{name}.npz", view, light, setting, things)[0] * gain))
-    return [photo.rgb, truth, ours], [*_differences(photo, truth, ours, stage), seconds]
+    traced, _ = _traced(kept / f"{name}_{seed}.npz", view, light, setting, things, seed)
+    return photo, _without_fireflies(response(traced * gain)), ours, stage, seconds
 
 
-def _differences(photo: Photo, truth: np.ndarray, ours: np.ndarray, stage: Stage) -> list[float]:
-    """Return root mean squares over changed pixels, the object's, and the other changed ones."""
+def _differences(products: np.ndarray, changed: np.ndarray, photo: Photo, stage: Stage) -> list[float]:
+    """Return roots of means over changed pixels, the object's, and the other changed ones."""
     free = photo.mask < 0.5
-    changed = np.maximum(np.abs(truth - photo.rgb), np.abs(ours - photo.rgb)).max(axis=-1) > CHANGED
     window, on = stage.window, np.zeros(photo.mask.shape, bool)
     drawn = stage.draw(np.ones((8, 16, 3), np.float32), "matte")[..., 3] > 0.5
     shown = window.part(*photo.mask.shape)
     on[shown] = drawn[within(shown, (slice(window.top, HEIGHT), slice(window.left, WIDTH)))]
-    squared = np.square(truth - ours).mean(axis=-1)
-    return [float(np.sqrt(squared[part & free].mean())) for part in (changed | on, on, changed & ~on)]
+    parts = (changed | on, on, changed & ~on)
+    return [float(np.sqrt(max(products[part & free].mean(), 0.0))) for part in parts]
 
 
 def _without_fireflies(picture: np.ndarray) -> np.ndarray:
@@ -182,7 +194,7 @@ def _standing(mesh: Mesh, view: View, at: tuple[float, float]) -> Mesh:
 
 
 def _traced(
-    path: Path, view: View, light: np.ndarray, setting: Setting, things: dict[str, tuple[Mesh, Material]]
+    path: Path, view: View, light: np.ndarray, setting: Setting, things: dict[str, tuple[Mesh, Material]], seed: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return a path-traced picture [H, W, 3] and the mask [H, W] of the real object, made once and kept in a file."""
     if path.is_file():
@@ -202,7 +214,7 @@ def _traced(
     shapes = {name: _shape(mi, mesh, material) for name, (mesh, material) in things.items()}
     scene = {"type": "scene", "integrator": {"type": "path", "max_depth": MAX_DEPTH}, "sensor": sensor,
              "light": _environment(mi, light), "plane": _shape(mi, plane, setting.ground), **shapes}  # fmt: skip
-    picture = np.array(mi.render(mi.load_dict(scene)))[..., :3]
+    picture = np.array(mi.render(mi.load_dict(scene), seed=seed))[..., :3]
     depth = {"type": "aov", "aovs": "d:depth"}
     alone = {"type": "scene", "integrator": depth, "sensor": sensor, "real": shapes["real"]}
     mask = (np.array(mi.render(mi.load_dict(alone)))[..., -1] > 0).astype(np.float32)

@@ -147,6 +147,17 @@ def test_a_drawn_source_has_its_power_and_stands_in_its_place() -> None:
     assert torch.allclose(alone, radiance, rtol=1e-3)  # the others are not where they would be drawn
 
 
+def test_a_source_is_as_likely_as_its_place():
+    drawing, exists = MapDrawing(), torch.zeros(1, 1)  # as likely as not, somewhere
+    direction = torch.tensor([[[0.0, 0.6, -0.8]]])
+    anywhere = (drawing.ln_place_angles - float(np.log(4 * np.pi))).view(1, 1, -1)
+    there = torch.log_softmax(60 * (drawing.place_directions @ direction[0, 0]), dim=0).view(1, 1, -1)
+    share = (1 - np.cos(np.radians(30))) / 2
+    assert float(drawing.likely(anywhere, direction, exists, 30.0)) == pytest.approx(0.5 * share, rel=0.1)
+    assert float(drawing.likely(there, direction, exists, 30.0)) == pytest.approx(0.5, abs=0.01)
+    assert float(drawing.likely(there, -direction, exists, 30.0)) == pytest.approx(0.0, abs=0.01)
+
+
 def test_losses_of_the_truth_are_nothing(net: LeanNet) -> None:
     inputs, truth = tensors_of(batch_of(3))
     loss = LightLoss()

@@ -67,7 +67,7 @@ class Said:
         radiance: [64, 128, 3] the map, with all that is seen of it.
         confidence: [64, 128] probability that a pixel's display value is within 0.1 of the truth.
         sh9: [9, 3] of light.harmonics.
-        sources: [S, 8] exists in [0, 1], direction, angular radius [degrees], power RGB [sr]; the strongest first.
+        sources: [S, 8] LightSource.exists, direction, angular radius [degrees], power RGB [sr]; the strongest first.
         soft: [1] probability that no source dominates.
         errors: [3] of the strongest source's direction [degrees], of ln of the level, of the mean colour [degrees].
         posture: [3] pitch downwards, roll, and the pitch's mean error [degrees].

@@ -47,7 +47,7 @@ class LightSource:
     direction: [3] unit vector towards it.
     radius_deg: of the even disc that spreads as much about the direction.
     power: [3] integral of its radiance [sr], linear Rec. 709.
-    exists: probability that it is a source, in [0, 1].
+    exists: probability that it is a source, and within 30 degrees of the direction, in [0, 1].
     error_deg: bound on the direction's error that holds for two of three estimates; see direction_error.
     """
 

@@ -26,6 +26,8 @@ EDGE_DEG = 1.5
 """Half width of a drawn source's soft edge [degrees]: half a pixel."""
 LEAST_DEG, MOST_DEG = 2.0, 60.0
 """Radii that sources are drawn with."""
+NEAR_DEG = 30.0
+"""A source that is farther from its stated direction is not the one that is said to exist."""
 LN_MOST = 9.0
 """Largest logarithm of a power or a radiance."""
 
@@ -111,10 +113,15 @@ class MapDrawing(nn.Module):
     def is_there(self, places: torch.Tensor, directions: torch.Tensor, exists: torch.Tensor) -> torch.Tensor:
         """Return 1 for the first source and for those that are likelier than not to exist within WITHIN_DEG of their
         direction, else 0: [N, S]."""
-        near = (directions @ self.place_directions.T > float(np.cos(np.radians(WITHIN_DEG)))).float()
-        likely = torch.sigmoid(exists) * (torch.exp(places) * near).sum(dim=2)
-        others = (likely[:, 1:] > 0.5).float()
+        others = (self.likely(places, directions, exists, WITHIN_DEG)[:, 1:] > 0.5).float()
         return torch.cat([torch.ones_like(others[:, :1]), others], dim=1)
+
+    def likely(
+        self, places: torch.Tensor, directions: torch.Tensor, exists: torch.Tensor, within_deg: float
+    ) -> torch.Tensor:
+        """Return the probability that each source exists and is within an angle of its direction, [N, S]."""
+        near = (directions @ self.place_directions.T > float(np.cos(np.radians(within_deg)))).float()
+        return torch.sigmoid(exists) * (torch.exp(places) * near).sum(dim=2)
 
     def discs(self, directions: torch.Tensor, ln_radius: torch.Tensor) -> torch.Tensor:
         """Return how much of each map pixel each source covers [N, S, 8192], with a soft edge."""

@@ -13,6 +13,7 @@ from anyprobe.light.light_sources import find_dominant_light, find_sources
 from anyprobe_train.evaluate.metrics import direction_error_deg, false_sources, power_ratio_stops, rmse
 from anyprobe_train.evaluate.scoring import dominant_light_share
 from anyprobe_train.light.both_ways import both_ways
+from anyprobe_train.light.drawing import NEAR_DEG
 from anyprobe_train.light.network import LeanNet, LightAnswer, LightInputs
 from anyprobe_train.light.pictured import LightTruth, seen_again, tensors_of, without_object
 from anyprobe_train.world.batch import PHOTO_FAMILIES, LightBatch, World, make_batch
@@ -47,13 +48,15 @@ def rows_of(net: LeanNet, inputs: LightInputs, truth: LightTruth) -> Iterator[di
     at = 0
     for guess in answers(net, inputs):
         maps = torch.exp(guess.ln_radiance).permute(0, 2, 3, 1).cpu().numpy()
+        likely = net.drawing.likely(guess.places, guess.directions, guess.exists, NEAR_DEG)
+        sources = torch.cat([likely[..., None], guess.directions], dim=2).cpu().numpy()
         pitch = np.degrees(np.arcsin(truth.up[:, 2].cpu().numpy().clip(-1, 1)))
         for k, ours in enumerate(maps):
             true = truth.radiance[at].permute(1, 2, 0).cpu().numpy()
             said, known = float(guess.outdoors[k]) > 0, float(truth.outdoors[at])
             yield {
                 "family": float(truth.family[at]),
-                **map_figures(ours, true),
+                **map_figures(ours, true, sources[k]),
                 "pitch": abs(float(np.degrees(guess.posture[k, 0].cpu())) - pitch[at]),
                 "outdoors": np.nan if np.isnan(known) else float(said == (known > 0.5)),
                 "soft": float((float(guess.soft[k]) > 0) == (float(truth.soft[at]) > 0.5)),
@@ -62,14 +65,16 @@ def rows_of(net: LeanNet, inputs: LightInputs, truth: LightTruth) -> Iterator[di
             at += 1
 
 
-def map_figures(ours: np.ndarray, true: np.ndarray) -> dict[str, float]:
-    """Return LDR RMSE, dominant light [degrees] and its true share, power [stops], false sources, of two maps."""
+def map_figures(ours: np.ndarray, true: np.ndarray, said: np.ndarray | None = None) -> dict[str, float]:
+    """Return LDR RMSE, dominant light [degrees] and its true share, power [stops], false sources, of two maps.
+
+    said: of ours' sources, see light_sources.find_sources."""
     return {
         "ldr_rmse": rmse(response(ours), response(true)),
         "dominant": direction_error_deg(find_dominant_light(ours).direction, find_dominant_light(true).direction),
         "share": dominant_light_share(true),
         "power": abs(power_ratio_stops(ours, true)),
-        "false_sources": float(false_sources(find_sources(ours), ours, true)),
+        "false_sources": float(false_sources(find_sources(ours, said), ours, true)),
     }
 
 

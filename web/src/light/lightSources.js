@@ -7,7 +7,7 @@
  * @property {number[]} power integral of its radiance over its directions, sr
  * @property {number[]} irradiance on a plane that faces it
  * @property {number[]} color power over its largest channel
- * @property {number} exists probability that it is a source
+ * @property {number} exists probability that it is a source, and within 30 degrees of the direction
  * @property {number} errorDeg how far off the direction is at most in two of three maps that are estimates
  */
 
