@@ -13,6 +13,7 @@ import pytest
 torch = pytest.importorskip("torch", reason="needs ./train[torch]")
 
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles  # noqa: E402
+from anyprobe_train.light.both_ways import both_ways  # noqa: E402
 from anyprobe_train.light.drawing import POWER_FLOOR, MapDrawing  # noqa: E402
 from anyprobe_train.light.light_losses import LIGHT_WEIGHTS, LightLoss, total_of  # noqa: E402
 from anyprobe_train.light.light_run import LightRunConfig, run_light  # noqa: E402
@@ -187,6 +188,22 @@ def test_losses_of_the_truth_are_nothing(net: LeanNet) -> None:
     for name in ("display", "scales", "ln", "power", "spheres", "places", "exists", "radius", "source_power", "soft"):
         assert float(terms[name]) == pytest.approx(0.0, abs=2e-3), name
     assert float(terms["normals"]) == pytest.approx(0.0, abs=1e-5)
+
+
+def test_mirrored_photos_get_mirrored_answers(net: LeanNet, monkeypatch) -> None:
+    """Also where photo and mirror image do not agree on which of the sources is the first."""
+    torch.manual_seed(3)
+    slots, places = 12 * torch.randn(8, 3, 32, 64), net.drawing.places
+    inputs, _ = tensors_of(batch_of(9))
+    answers = []
+    for photos, said in ((inputs, slots), (mirrored_inputs(inputs), slots.roll(4, 0))):
+        monkeypatch.setattr(net.drawing, "places", lambda density, _, said=said: places(density, said))
+        with torch.no_grad():
+            answers.append(both_ways(net, photos))
+    ours, theirs = answers
+    side = torch.tensor([-1.0, 1.0, 1.0])
+    assert torch.allclose(ours.directions[:, 0], side * theirs.directions[:, 0], atol=1e-3)
+    assert torch.allclose(ours.ln_radiance, theirs.ln_radiance.flip(3), atol=0.05)
 
 
 def test_a_mirrored_photo_costs_what_the_photo_costs_at_a_mirrored_answer(net: LeanNet) -> None:

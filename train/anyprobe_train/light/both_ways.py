@@ -10,7 +10,9 @@ from anyprobe_train.light.drawing import SLOTS, SOURCE_ROWS
 from anyprobe_train.light.network import LeanNet, LightAnswer, LightInputs
 from anyprobe_train.light.pictured import mirrored_inputs
 
-ORDERS = tuple(permutations(range(SLOTS)))
+ORDERS = tuple((0, *others) for others in permutations(range(1, SLOTS)))
+"""Orders of the mirror image's sources. The first stays the first, as it is drawn in any case: else it would be the
+photo's own, and that of the mirrored photo another."""
 
 
 def both_ways(net: LeanNet, inputs: LightInputs) -> LightAnswer:
@@ -52,6 +54,6 @@ def both_ways(net: LeanNet, inputs: LightInputs) -> LightAnswer:
 def _alike(ours: torch.Tensor, theirs: torch.Tensor) -> torch.Tensor:
     """Return the permutation matrices [N, S, S] that bring their sources' places [N, S, P] to ours."""
     likeness = torch.exp(ours / 2) @ torch.exp(theirs / 2).transpose(1, 2)
-    choices = torch.eye(SLOTS, device=ours.device)[torch.tensor(ORDERS, device=ours.device)]  # [6, S, S]
+    choices = torch.eye(SLOTS, device=ours.device)[torch.tensor(ORDERS, device=ours.device)]  # [K, S, S]
     total = torch.einsum("nst,kst->nk", likeness, choices)
     return choices[total.argmax(dim=1)]
