@@ -34,29 +34,28 @@ NOT_STATED = "not stated"
 PAGE = """\
 # Assets that weights learned from
 
-The {count} files of a data folder that training uses, as the folder's manifests state them; written by
-`python -m research.asset_page`. Files whose licence forbids commercial use, or is not clear, are excluded
-(`anyprobe_train.dataset.catalog.allows_commercial_use`). None of these files is in the package: networks were
-trained on images rendered with them. [CC BY 3.0](https://creativecommons.org/licenses/by/3.0/) and
+The {count} files that training uses, as the manifests of their folder state them: author; source: files. Written by
+`python -m research.asset_page`, which leaves out files whose licence forbids commercial use or is not clear
+(`anyprobe_train.dataset.catalog.allows_commercial_use`). None of them is in the package: networks were trained on
+images rendered with them. [CC BY 3.0](https://creativecommons.org/licenses/by/3.0/) and
 [4.0](https://creativecommons.org/licenses/by/4.0/) require naming the author, as MIT, BSD and Apache licences do.
 
-Training also uses procedural maps and shapes of anyprobe's own (`anyprobe_train.dataset.sky`,
-`anyprobe_train.dataset.room`, `anyprobe_train.dataset.random_shapes`): they have no files, and are anyprobe's,
-Apache-2.0.
+Training also uses anyprobe's own procedural maps and shapes, which have no files (`sky`, `room` and `random_shapes` of
+`anyprobe_train.dataset`); Apache-2.0.
 """
 
 TEST_PAGE = """\
 # Test assets
 
-The {count} files that the frozen test set is rendered from, with their SHA-256; written by
+The {count} files that the frozen test set is rendered from: author; file: source, SHA-256. Written by
 `python -m research.asset_page DATA --test`. Recipes (`train/anyprobe_train/evaluate/frozen.txt`,
-`research/world/test.txt`) name a file by the first eight digits of its SHA-256, so `--frozen` needs these very files.
+`research/world/test.txt`) name files by the first eight digits of their SHA-256, so `--frozen` needs these very files.
 They are not in the repository, and no network is trained on them.
 
-`anyprobe-train data test DIR` fetches the sources below at a fixed commit each, prepares them and checks SHA-256: all
-30 maps, and of the shapes drill and goathead. It writes `DIR/frozen_public.txt`, the 224 of the 1,000 frozen recipes
-that these suffice for ([evaluation](evaluation.md)). How the other seven shapes were decimated was not recorded, so
-they cannot be had. Preparation:
+`anyprobe-train data test DIR` fetches all maps, and the shapes drill and goathead, at fixed commits of their sources,
+prepares them and checks SHA-256. It writes `DIR/frozen_public.txt`, the 224 of the 1,000 frozen recipes for which these
+suffice ([evaluation](evaluation.md)). How the other seven shapes were decimated was not recorded, so they cannot be
+had. Preparation:
 
 - **Maps**: read as linear floats; NaN, infinite and negative values set to 0; averaged to 512 x 256 pixels; halved
   until nothing is above 65,504; OpenEXR with half floats and PIZ compression.
@@ -112,18 +111,31 @@ def frozen_page(data: Path) -> str:
 
 
 def section(kind: str, folder: str, credits: list[tuple[str, str, str]]) -> str:
-    """The files of a folder as lists in Markdown, one for each licence with its author.
+    """The files of a folder as lists in Markdown, one for each licence, with its authors.
 
     Args:
         credits: licence and author; what a line begins with, and what is listed in it.
     """
-    lines: dict[str, dict[str, list[str]]] = {}
-    for licence, first, listed in credits:
-        lines.setdefault(" ".join(licence.split()), {}).setdefault(first, []).append(listed)
+    lines: dict[str, dict[str, dict[str, list[str]]]] = {}
+    for stated, first, listed in credits:
+        licence, author = split_licence(stated)
+        lines.setdefault(licence, {}).setdefault(author, {}).setdefault(first, []).append(listed)
     parts = [f"## {kind} of `{folder}`: {len(credits)}\n"]
     for licence, of in lines.items():
-        parts += [f"\n### {licence}\n\n", *(f"- {first}: {', '.join(listed)}\n" for first, listed in of.items())]
+        parts.append(f"\n### {licence}\n\n")
+        for author, sources in of.items():
+            own = len(sources) == 1 or not author
+            parts += [] if own else [f"- {author}\n"]
+            mark = (f"- {author}; " if author else "- ") if own else "    - "
+            parts += [f"{mark}{first}: {', '.join(listed)}\n" for first, listed in sources.items()]
     return "".join(parts)
+
+
+def split_licence(stated: str) -> tuple[str, str]:
+    """A licence's name, and its author: what follows a semicolon, or stands in brackets at the end; else empty."""
+    text = " ".join(stated.split())
+    found = re.fullmatch(r"([^;(]+(?:\([^)]*\))?); (.+)|([^;(]+) \(([^)]+)\)", text)
+    return (found[1] or found[3], found[2] or found[4]) if found else (text, "")
 
 
 def _credits(folder: Path, suffixes: tuple[str, ...], taken: set[str]) -> Iterator[tuple[str, str, str]]:
