@@ -37,7 +37,7 @@ def run(
     workers: Annotated[
         int, Parameter(help="Processes that make pairs ahead, so that a GPU need not wait."), bounded(0)
     ] = 0,
-    setting: Annotated[str, Parameter(help="Sizes of the run paper: full, quarter, small or tiny.")] = "full",
+    setting: Annotated[str, Parameter(help="Sizes of the run paper: full, quarter, short, small or tiny.")] = "full",
 ) -> None:
     """Train a model on photos of a world that is made meanwhile. An interrupted run resumes exactly."""
     _refuse_mask(name)
