@@ -4,6 +4,7 @@ python -m research.real_photos DIR...              # under a lamp of known direc
 python -m research.real_photos hidden DIR...       # what a crop of each photo hides
 python -m research.real_photos stability DIR...    # the same photos mirrored, cropped, brighter, with other masks
 python -m research.real_photos balls MAPS          # mirror balls drawn under maps
+python -m research.real_photos outdoors DIR...     # indoors or outdoors, beside kinds.csv
 python -m research.real_photos.sheet DIR... -o OUT # pages to look at
 
 research/real_photos/README.md describes folders and figures.
@@ -24,6 +25,7 @@ from anyprobe.cli.app import main as run_command
 from anyprobe.cli.app import new_app, print_table
 from anyprobe.errors import InputError
 from anyprobe.estimate.estimator import Estimator
+from anyprobe.estimate.photo import load_photo
 from anyprobe.estimate.runtime import Models, model_id
 from anyprobe.inputs.settings import DEFAULT_MODEL
 from anyprobe_train.evaluate.methods import baselines, model_methods
@@ -35,6 +37,7 @@ from research.real_photos.balls import ball_angle, balls_under
 from research.real_photos.folders import masked_photos
 from research.real_photos.lamps import Angle, lamp_angles, lamp_groups, load_lamps
 from research.real_photos.maps import load_real, read_real, score_real
+from research.real_photos.matched import WORDS, kinds_by_eye
 from research.real_photos.sheet import write_pages
 from research.results import commit, write_result
 
@@ -171,6 +174,18 @@ def balls(
     )
     write_result(out, {"commit": commit(), "model": model_id(model), "balls": found})
     print(out)
+
+
+@app.command()
+def outdoors(*folders: Folders, model: Model = DEFAULT_MODEL) -> None:
+    """Count the photos that are rightly said to show indoors or outdoors, where kinds.csv has one; masks are given."""
+    estimator, kinds, right = Estimator(model), kinds_by_eye(), {}
+    for path, mask in masked_photos(folders).values():
+        name = f"{path.parent.name}/{path.name}"
+        if (kind := kinds.get(name)) in WORDS.values():
+            right[name] = kind == WORDS[(estimator.from_photo(load_photo(path, mask=mask)).outdoors or 0.0) > 0.5]
+    print("wrong:", ", ".join(name for name, is_right in right.items() if not is_right) or "none")
+    print(f"{sum(right.values())} of {len(right)} right")
 
 
 def _print_by_object(groups: dict[str, dict[str, Any]]) -> None:
