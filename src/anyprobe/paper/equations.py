@@ -97,8 +97,8 @@ EPOCHS = 11
 
 
 def filter_exponent(epoch: int) -> float:
-    """Compute beta e of Eq. 6 with beta = e^2, for epoch 1 to 11, elevenths of a run: 1 to 1331 (the
-    caption of Fig. 7 says 1000)."""
+    """Compute beta e of Eq. 6 with beta = e^2, for epoch 1 to 11: 1 to 1331 (the caption of Fig. 7
+    says 1000). An epoch is an eleventh of a run's steps."""
     return float(epoch**3)
 
 

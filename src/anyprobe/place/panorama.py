@@ -189,7 +189,7 @@ def _place(
     rest: np.ndarray, plate: Plate | None, frame_from_camera: np.ndarray, rows: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the picture without strong sources [R, 2R, 3], the share of it that is the photo's, and the share of what
-    goes on from the photo, each [R, 2R, 1]."""
+    goes on from the photo, each [R, 2R, 1]; `plate` draws the photo into the sphere."""
     estimate = np.log(np.maximum(blur_cosine_power(rest, SMOOTH), 0.0) + FLOOR)
     size = max(rows, MAP_HEIGHT)
     if plate is None:
