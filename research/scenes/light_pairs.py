@@ -65,7 +65,7 @@ def row_of_inputs(
         inputs, _ = views(given)
     pictures = {
         name: np.round(255 * getattr(inputs, name)[0].permute(1, 2, 0).numpy()).astype(np.uint8)
-        for name in ("context", "crop", "seen")
+        for name in ("context", "crop")
     }
     truth = np.minimum(truth, 6e4).astype(np.float16)
     sources, soft = sources_of(truth.astype(np.float32))

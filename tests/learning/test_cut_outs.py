@@ -22,7 +22,6 @@ def test_a_pair_becomes_a_row_without_surroundings():
     row = row_of_pair(LightViews(), pair, np.random.default_rng(0))
     assert set(row) == {one.name for one in fields(LightBatch)}
     assert PHOTO_FAMILIES[row["family"]] == "cut_out"
-    assert not row["seen"].any()
     share, mask = (row[name][..., 3].mean() / 255 for name in ("crop", "context"))
     assert share > 0.1
     assert mask == pytest.approx(pair.crop[..., 3].mean(), abs=0.02)

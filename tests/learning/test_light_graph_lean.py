@@ -74,21 +74,6 @@ def test_what_is_seen_lies_where_a_pinhole_camera_sees_it_and_not_behind_the_obj
     assert float(seen[3][torch.from_numpy(d[..., 2] > 0)].max()) == 0.0
 
 
-def test_what_is_seen_is_what_the_world_lays_on_the_sphere() -> None:
-    from anyprobe_train.light.seen_on_sphere import SeenOnSphere
-    from anyprobe_train.world.batch import on_sphere
-
-    rgb, mask = photo_of(96, 96, (30, 40, 60, 80))
-    cover = np.ones((96, 96), np.float32)
-    cover[:20] = 0.0
-    context = np.dstack([rgb * cover[..., None], mask, cover])
-    stored = np.round(255 * context).astype(np.uint8)
-    values = torch.from_numpy(stored).permute(2, 0, 1)[None].float() / 255
-    for half in (0.2, 0.9):
-        ours = SeenOnSphere()(values, torch.tensor([half]))[0].permute(1, 2, 0).numpy()
-        assert np.abs(ours - on_sphere(stored, half) / 255.0).max() < 0.005
-
-
 def test_without_a_lens_the_assumed_one_is_seen_whatever_the_host_assumes() -> None:
     rgb, mask = photo_of(200, 300, None)
     seen, _ = LightViews()(given_of(graph_inputs(rgb, mask, 65.0)))

@@ -34,7 +34,6 @@ class Stub:
 
     context: np.ndarray
     crop: np.ndarray
-    seen: np.ndarray
     lens: np.ndarray
     fov: np.ndarray
     up: np.ndarray
@@ -62,11 +61,9 @@ def batch_of(seed: int, n: int = 4) -> Stub:
     truth = np.where(disc[..., None], 30.0, rng.uniform(0.1, 0.6, (n, 1, 1, 3)))
     above = np.maximum(truth - 1, 0) * pixel_solid_angles(64)[..., None]
     sources[:, 0, 5:] = above.sum(axis=(1, 2))
-    cover = rng.random((n, 64, 128, 1)) < 0.3
     return Stub(
         context=rng.integers(0, 256, (n, 96, 96, 5)).astype(np.uint8),
         crop=rng.integers(0, 256, (n, 96, 96, 4)).astype(np.uint8),
-        seen=(255 * np.concatenate([cover * rng.random((n, 64, 128, 3)), cover], axis=3)).astype(np.uint8),
         lens=np.tile([0.6, 0.1, -0.2, 0.2, 1.0], (n, 1)).astype(np.float32),
         fov=rng.uniform(30, 80, n).astype(np.float32),
         up=np.tile([0.1, 0.9, 0.42], (n, 1)).astype(np.float32),

@@ -1,7 +1,7 @@
 """Scores of the light network on photos that are left out: path-traced ones, and four cross sets of the fast world."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +30,8 @@ CROSS_SEED, CROSS_BATCHES = 1_000_003, 2
 
 def kept_batches(folder: Path) -> list[LightBatch]:
     """Return the batches of a folder, files of their fields; none where there is none."""
-    return [LightBatch(**dict(np.load(path))) for path in sorted(folder.glob("*.npz"))]
+    files = (np.load(path) for path in sorted(folder.glob("*.npz")))
+    return [LightBatch(**{one.name: kept[one.name] for one in fields(LightBatch)}) for kept in files]
 
 
 @torch.no_grad()
@@ -109,7 +110,7 @@ def score_whole_photos(net: LeanNet, batches: list[LightBatch]) -> dict[str, flo
         if len(without) < WITHOUT and whole.any():
             some = torch.nonzero(whole)[: WITHOUT - len(without), 0]
             every = torch.ones_like(some, dtype=torch.bool)
-            bare = seen_again(without_object(_picked(inputs, some), every), every)
+            bare = seen_again(without_object(_picked(inputs, some), every))
             without += rows_of(net, bare, _picked(truth, some))
     whole_rows = [row for row in rows if row["family"] < PHOTO_FAMILIES.index("cut_out")]
     found = summary(whole_rows, "")

@@ -56,25 +56,27 @@ def tensors_of(batch: Any, device: str = "cpu") -> tuple[LightInputs, LightTruth
     count = len(batch.lens)
     zero = {"up": (3,), "normals": (3, *batch.normals.shape[1:3]), "material": (MATERIAL_INPUTS,), "sun": (3,)}
     given = {name: torch.zeros(count, *shape, device=device) for name, shape in zero.items()}
-    seen = {name: picture(getattr(batch, name), 255.0) for name in ("context", "crop", "seen")}
+    context, crop = picture(batch.context, 255.0), picture(batch.crop, 255.0)
     true = {name: numbers(getattr(batch, name)) for name in ("sources", "soft", "outdoors", "up", "fov", "material")}
     family = torch.from_numpy(batch.family.astype(np.int64)).to(device)
-    fine = F.interpolate(seen["crop"], size=(CROP_PX, CROP_PX), mode="bilinear", align_corners=False)
-    inputs = LightInputs(**seen, picture=fine, lens=numbers(batch.lens), **given)
+    fine = F.interpolate(crop, size=(CROP_PX, CROP_PX), mode="bilinear", align_corners=False)
+    lens = numbers(batch.lens)
+    seen = _laid_on_sphere(context, lens)
+    inputs = LightInputs(context=context, crop=crop, picture=fine, seen=seen, lens=lens, **given)
     truth = LightTruth(radiance=picture(batch.truth), normals=picture(batch.normals, 127.0), family=family, **true)
-    return seen_again(inputs, family == CUT_OUT), truth
+    return inputs, truth
 
 
 _on_sphere = functools.cache(lambda device: SeenOnSphere().to(device))
 
 
-def seen_again(inputs: LightInputs, some: torch.Tensor) -> LightInputs:
-    """Lay what some [N] photos show beside their objects on the sphere anew."""
-    if not some.any():
-        return inputs
-    seen = inputs.seen.clone()
-    seen[some] = _on_sphere(some.device)(inputs.context[some], inputs.lens[some, 0]).clamp(max=1.0)
-    return replace(inputs, seen=seen)
+def _laid_on_sphere(context: torch.Tensor, lens: torch.Tensor) -> torch.Tensor:
+    return _on_sphere(context.device)(context, lens[:, 0]).clamp(max=1.0)
+
+
+def seen_again(inputs: LightInputs) -> LightInputs:
+    """Lay what photos show beside their objects on the sphere anew, after a change of that."""
+    return replace(inputs, seen=_laid_on_sphere(inputs.context, inputs.lens))
 
 
 def mirrored_inputs(inputs: LightInputs) -> LightInputs:
@@ -143,7 +145,7 @@ def learned(inputs: LightInputs, truth: LightTruth, seed: tuple[int, int]) -> tu
     alone = (some(NO_PLACE) | ((truth.family == CUT_OUT) & some(0.5))) & (inputs.crop[:, 3].amax(dim=(1, 2)) > 0)
     color = torch.from_numpy(rng.choice([0.0, 1.0, 0.5], (count, 1)) + 0.1 * rng.random((count, 3))).float()
     inputs = without_place(inputs, alone, color.clip(0, 1).to(device), some(PLAIN))
-    inputs = seen_again(inputs, gone | alone)
+    inputs = seen_again(inputs)
     return _with_panorama(inputs, truth, some(PANORAMA), rng), truth
 
 

@@ -36,7 +36,7 @@ from anyprobe_train.world.photo import (
 )
 from anyprobe_train.world.shading import picture
 from anyprobe_train.world.views import CAMERAS, SHAPES, Views, shape_files
-from anyprobe_train.world.windows import Window, on_sphere, window_resampled
+from anyprobe_train.world.windows import Window, window_resampled
 
 PHOTO_FAMILIES = ("ground", "table", "things", "dark", "procedural", "cut_out", "no_object")
 SHARES = (0.22, 0.18, 0.17, 0.09, 0.08, 0.21, 0.05)
@@ -71,7 +71,6 @@ class LightBatch:
 
     context: [N, 96, 96, 5] uint8, the whole photo by area, its centre that of the square: RGB, given mask, inside.
     crop: [N, 96, 96, 4] uint8, the square window around the given mask's box times 1.1: RGB x mask, mask.
-    seen: [N, 64, 128, 4] uint8, what the photo shows beside the object, on the sphere: RGB x cover, cover.
     lens: [N, 5] as given: tangents of half the square, of the crop's centre (right, up), of half its side; 1 if known.
     fov: [N] degrees of the longer side. up: [N, 3]. normals: [N, 48, 48, 3] int8 x 127 over the crop's window.
     material: [N, 4] metal, reflectance; NaN without an object.
@@ -83,7 +82,6 @@ class LightBatch:
 
     context: np.ndarray
     crop: np.ndarray
-    seen: np.ndarray
     lens: np.ndarray
     fov: np.ndarray
     up: np.ndarray
@@ -283,15 +281,11 @@ def _tensors(family: str, traced: Traced, rng: np.random.Generator) -> dict[str,
     scale = 1.0 if known else ASSUMED_TANGENT / most
     middle = (crop_window[0] + crop_window[1]) / 2, (crop_window[2] + crop_window[3]) / 2
     lens = [most * scale, middle[0] * scale, middle[1] * scale, (crop_window[1] - crop_window[0]) / 2 * scale, known]
-    around = np.zeros((64, 128, 4), np.uint8)
-    if behind is not None:
-        around = on_sphere(context, most * scale)
     exposed = np.minimum(truth * look.gain, 6e4).astype(np.float16)
     sources, soft = sources_of(exposed.astype(np.float32))
     return {
         "context": context,
         "crop": crop,
-        "seen": around,
         "lens": np.array(lens, np.float32),
         "fov": np.float32(2 * np.degrees(np.arctan(most))),
         "up": frame.up.astype(np.float32),
