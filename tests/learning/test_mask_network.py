@@ -161,7 +161,7 @@ def test_resumed_run_equals_the_straight_one_to_the_bit(run, checkpoint, tmp_pat
 def test_exported_graph_is_the_network(checkpoint, tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # torch's exporter warns about itself
-        difference = export_mask(checkpoint, tmp_path)
+        difference = export_mask(checkpoint, tmp_path / "mask.onnx")
     assert difference <= TOLERANCE
     net, _ = load_mask_net(checkpoint)
     image = torch.rand(1, 4, SMALL_PX, SMALL_PX)

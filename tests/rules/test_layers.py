@@ -73,8 +73,6 @@ class Import:
 def imports_in(path: Path, root: Path) -> Iterator[Import]:
     relative = path.relative_to(root)
     part = part_of([root.name, *relative.with_suffix("").parts])
-    if relative.name == "__main__.py" and len(relative.parts) > 1:
-        part = "anyprobe_train.cli"  # a command of its own
 
     def visit(node: ast.AST, function: str) -> Iterator[Import]:
         for child in ast.iter_child_nodes(node):

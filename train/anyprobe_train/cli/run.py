@@ -1,6 +1,7 @@
 """anyprobe-train run and export: from assets to networks, from networks to the package."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -11,38 +12,34 @@ from anyprobe.core.spelling import did_you_mean
 from anyprobe.errors import InputError, MissingExtra
 
 _RUNS = Path("runs")
-LIGHT_RUN, PAPER_RUN = "light", "paper"
-"""Runs of the light network and of the paper's three, which have loops of their own."""
+RUNS = ("light", "mask", "paper")
+"""Runs of the light network, of the network that proposes the object, and of the paper's three."""
 Data = Annotated[Path | None, Parameter(help="Folder with hdri/train and meshes/train.")]
-Runs = Annotated[Path, Parameter(help="Folder for checkpoints, logs and caches.")]
-Steps = Annotated[int | None, Parameter(help="Total number of steps; default: the run's."), bounded(1)]
-DryRun = Annotated[int | None, Parameter(metavar="N", help="N small steps, to test a machine."), bounded(1)]
-Keep = Annotated[Path | None, Parameter(help="Also save the weights to this .pt, for run --init-weights.")]
 RunName = Annotated[str, Parameter(name="RUN", help="Named run; see docs/how-to/training.md.")]
 
 
 def run(
-    name: RunName = LIGHT_RUN,
+    name: RunName = "light",
     /,
     *,
     data: Data = None,
-    runs: Runs = _RUNS,
-    steps: Steps = None,
-    dry_run: DryRun = None,
+    runs: Annotated[Path, Parameter(help="Folder for checkpoints, logs and caches.")] = _RUNS,
+    steps: Annotated[int | None, Parameter(help="Total number of steps; default: the run's."), bounded(1)] = None,
+    dry_run: Annotated[int | None, Parameter(metavar="N", help="N small steps, to test a machine."), bounded(1)] = None,
     init_weights: Annotated[
         Path | None,
         Parameter(help="Initial weights, written by anyprobe-train export --keep; give the same ones to resume."),
     ] = None,
-    device: Annotated[str, Parameter(help="cpu or cuda.")] = "cpu",
+    device: Annotated[str, Parameter(help="cpu or cuda; of the run mask cpu alone.")] = "cpu",
     workers: Annotated[
         int, Parameter(help="Processes that make pairs ahead, so that a GPU need not wait."), bounded(0)
     ] = 0,
     setting: Annotated[str, Parameter(help="Sizes of the run paper: full, quarter, short, small or tiny.")] = "full",
 ) -> None:
     """Train a model on photos of a world that is made meanwhile. An interrupted run resumes exactly."""
-    _refuse_mask(name)
+    _check_name(name)
     need_torch("training")
-    if name == PAPER_RUN:
+    if name == "paper":
         from anyprobe_train.paper.reproduce import reproduce
         from anyprobe_train.paper.settings import setting_named
 
@@ -52,44 +49,51 @@ def run(
         if not reproduce(data, runs / name, setting_named(setting), threads=2, device=device, stop=dry_run):
             sys.exit(143)
         return
-    if name != LIGHT_RUN:
-        names = (LIGHT_RUN, PAPER_RUN)
-        raise InputError(f"expected one of {', '.join(names)}{did_you_mean(name, names)}", source=f"run {name!r}")
     if steps is not None and dry_run is not None:
         raise InputError("expected one of them, got both", subject=("steps", "dry_run"))
-    from anyprobe_train.light.command import train_light
+    if name == "mask":
+        from anyprobe_train.mask_network.mask_training import MaskRunConfig, small_mask_run, train_mask
+
+        if device != "cpu":
+            raise InputError("expected cpu, which the run mask learns on", subject="device", source=device)
+        config = MaskRunConfig() if steps is None else replace(MaskRunConfig(), steps=steps)
+        if dry_run is not None:
+            config = small_mask_run(config, dry_run)
+            (runs / config.name / "checkpoint.pt").unlink(missing_ok=True)
+        print(train_mask(config, data=data, runs=runs, start=init_weights))
+        return
+    from anyprobe_train.light.light_run import train_light
 
     print(train_light(data, runs, steps, dry_run, device, workers, init_weights))
 
 
-def _refuse_mask(name: str) -> None:
-    if name == "mask":  # another command trains and exports it
-        text = "expected a run that estimates light, got the network that proposes the object; "
-        text += "train and export it in a clone, with python -m anyprobe_train.mask_network"
-        raise InputError(text, source=f"run {name!r}")
+def _check_name(name: str) -> None:
+    if name not in RUNS:
+        raise InputError(f"expected one of {', '.join(RUNS)}{did_you_mean(name, RUNS)}", source=f"run {name!r}")
 
 
 def export(
     to: Annotated[Path, Parameter(name="FOLDER", help="Folder for the .onnx graphs.")],
-    name: RunName = LIGHT_RUN,
+    name: RunName = "light",
     /,
     *,
     runs: Annotated[Path, Parameter(help="Folder of the trained runs.")] = _RUNS,
-    keep: Keep = None,
+    keep: Annotated[Path | None, Parameter(help="Also save the weights to this .pt, for run --init-weights.")] = None,
 ) -> None:
     """Export a trained run as ONNX. The graphs are checked against torch."""
-    _refuse_mask(name)
+    _check_name(name)
     need_torch("training")
-    if name == PAPER_RUN:
+    if name == "paper":
         text = "expected one network, got the paper's three; export them with anyprobe-train paper --graphs FOLDER"
         raise InputError(text, source=f"run {name!r}")
     from anyprobe_train.light.light_export import export_lean
+    from anyprobe_train.mask_network.mask_export import export_mask
     from anyprobe_train.train.checkpoint import save_init_weights
 
-    checkpoint = runs / name / "checkpoint.pt"
+    checkpoint, path = runs / name / "checkpoint.pt", to / f"{name}.onnx"
     if keep is not None:  # first: what training made is not lost where the export is refused
-        save_init_weights(checkpoint, keep, with_pairs=True)
-    print(f"{to / 'light.onnx'}: within {export_lean(checkpoint, to / 'light.onnx'):.2g} of torch")
+        save_init_weights(checkpoint, keep, with_pairs=name == "light")
+    print(f"{path}: within {(export_lean if name == 'light' else export_mask)(checkpoint, path):.2g} of torch")
 
 
 def need_torch(what: str) -> None:

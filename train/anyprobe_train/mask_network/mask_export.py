@@ -14,9 +14,9 @@ TOLERANCE = 0.01
 """Largest mean difference of the cover between graph and network."""
 
 
-def export_mask(checkpoint: Path, folder: Path) -> float:
-    """Write folder/mask.onnx: "input" [1, 4, 160, 160] to "output" [1, 1, 160, 160]; return its mean difference from
-    torch; ModelError if that is more than TOLERANCE."""
+def export_mask(checkpoint: Path, path: Path) -> float:
+    """Write mask.onnx of a trained run: "input" [1, 4, 160, 160] to "output" [1, 1, 160, 160]; return its mean
+    difference from torch; ModelError if that is more than TOLERANCE."""
     net, run = load_mask_net(checkpoint)
     recipe = {
         "run": run["name"],
@@ -27,4 +27,4 @@ def export_mask(checkpoint: Path, folder: Path) -> float:
     example = torch.rand((1, 4, SMALL_PX, SMALL_PX), generator=torch.Generator().manual_seed(0))
     shapes = {"input": tuple(example.shape)}
     graph = Graph(net=net, inputs=shapes, typical=np.mean, small=(LINEAR_LAYERS, CONVOLUTIONS), dynamic={})
-    return write_graph("mask", graph, (example,), {**MASK_CONTRACT, **recipe}, folder / "mask.onnx", TOLERANCE)
+    return write_graph("mask", graph, (example,), {**MASK_CONTRACT, **recipe}, path, TOLERANCE)
