@@ -42,6 +42,12 @@ def soft_cap(d: np.ndarray, centre: np.ndarray, radius: float, softness: float =
     return np.clip((radius - angle) / (softness * radius) + 0.5, 0.0, 1.0)[..., None]
 
 
+def even_disc(height: int, centre: np.ndarray, radius: float, softness: float, power: np.ndarray) -> np.ndarray:
+    """Return a round source [H, 2H, 3] whose integral is power [3]; centre, radius, softness: of soft_cap."""
+    disc = soft_cap(pixel_directions(height).astype(np.float64), centre, radius, softness)
+    return disc * power / (disc[..., 0] * pixel_solid_angles(height)).sum()
+
+
 def soft_box(d: np.ndarray, centre: np.ndarray, extent: np.ndarray) -> np.ndarray:
     """Return 1 inside an upright rectangle a unit away, of half width and height extent [2]: [..., 1]."""
     right = np.cross(centre, [0, 1, 0])
@@ -213,9 +219,7 @@ def clear_sky(d: np.ndarray, sun: np.ndarray, turbidity: float) -> np.ndarray:
 
 def sun_disc(height: int, sun: np.ndarray, irradiance: np.ndarray) -> np.ndarray:
     """Return the sun's radiance [H, 2H, 3]: widened to 1.5 rows where it is narrower, of the same power."""
-    radius = max(SUN_RADIUS, 1.5 * np.pi / height)
-    disc = soft_cap(pixel_directions(height).astype(np.float64), sun, radius, 0.5)
-    return disc * irradiance / (disc[..., 0] * pixel_solid_angles(height)).sum()
+    return even_disc(height, sun, max(SUN_RADIUS, 1.5 * np.pi / height), 0.5, irradiance)
 
 
 def horizontal_irradiance(radiance: np.ndarray) -> np.ndarray:

@@ -1,17 +1,16 @@
 """The light of a few photos: a map varied, its levels, and the sources that are traced by themselves."""
 
-import math
 from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 
 from anyprobe.core.color import luminance
-from anyprobe.core.latlong import pixel_directions
+from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.light.light_sources import split_sources
-from anyprobe_train.dataset.sky import lamp_direction, tint
+from anyprobe_train.dataset.catalog import normalize_map
+from anyprobe_train.dataset.sky import even_disc, lamp_direction, tint
 from anyprobe_train.world.maps import Maps
-from anyprobe_train.world.march import compiled
 
 LIGHT_ROWS, SPLIT_ROWS = 256, 64
 CONTRAST, TINT = 0.12, 0.1
@@ -75,89 +74,29 @@ def joined(one: np.ndarray, other: np.ndarray, middle: int, half: float, passing
     return one + share * (other - one)
 
 
-def varied(radiance: np.ndarray, exponent: float, white: np.ndarray) -> np.ndarray:
-    """Return radiance ** exponent times white, of mean luminance 1."""
-    out = np.power(radiance + np.float32(1e-9), np.float32(exponent)) * white.astype(np.float32)
-    out /= max(float((luminance(out).mean(axis=1) * row_shares(LIGHT_ROWS)).sum()), 1e-9)
-    return out
-
-
-def row_shares(rows: int) -> np.ndarray:
-    """Return each row's share of the sphere, [rows]."""
-    return np.diff(-np.cos(np.linspace(0.0, np.pi, rows + 1))) / 2
-
-
-@compiled
-def add_disc(texels, x, y, z, radius, softness, power):
-    """Add a round source to a map [H, 2H, 3] in place, whose integral is power [3]; softness: its rim over its
-    radius."""
-    rows = len(texels)
-    reach = radius * (1 + softness)
-    top = math.acos(min(max(y, -1.0), 1.0))
-    first, last = max(int((top - reach) / math.pi * rows) - 1, 0), min(int((top + reach) / math.pi * rows) + 2, rows)
-    for fill in range(2):
-        if fill == 0:
-            total = 0.0
-        for i in range(first, last):
-            v = (i + 0.5) / rows * math.pi
-            sv, cv = math.sin(v), math.cos(v)
-            angle = 2 * math.sin(math.pi / rows / 2) * sv * math.pi / rows
-            for j in range(2 * rows):
-                u = ((j + 0.5) / (2 * rows) - 0.5) * 2 * math.pi
-                cosine = sv * math.sin(u) * x + cv * y - sv * math.cos(u) * z
-                if cosine < math.cos(reach) - 1e-6:
-                    continue
-                away = math.acos(min(cosine, 1.0))
-                share = min(max((radius - away) / (softness * radius) + 0.5, 0.0), 1.0)
-                if fill == 0:
-                    total += share * angle
-                else:
-                    for n in range(3):
-                        texels[i, j, n] += share * power[n] / max(total, 1e-9)
-
-
 def levels(texels: np.ndarray, smallest: int) -> np.ndarray:
     """Return all levels of a map [H, 2H, 3] down to `smallest` rows, flat [T, 3] float32, each texel the mean of four
     by solid angle."""
     found = [texels]
     while len(texels) > smallest:
         half = len(texels) // 2
-        shares = row_shares(2 * half).reshape(half, 2)
+        shares = pixel_solid_angles(2 * half).reshape(half, 2)
         shares = (2 * shares / shares.sum(axis=1, keepdims=True)).astype(np.float32).reshape(-1, 1, 1)
         texels = cv2.resize(texels * shares, (2 * half, half), interpolation=cv2.INTER_AREA)
         found.append(texels)
     return np.concatenate([one.reshape(-1, 3) for one in found])
 
 
-@compiled
-def measured(full, rest, x, y, z, reach):
+def measured(full: np.ndarray, rest: np.ndarray, way: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray, float]:
     """Return what a map has more than the rest within `reach` of a direction: its power [3], its middle [3], and the
     radius of an even disc of its power P and integral Q of its square, sqrt(P^2 / (pi Q))."""
-    rows = len(full)
-    power, middle = np.zeros(3), np.zeros(3)
-    p = q = 0.0
-    top = math.acos(min(max(y, -1.0), 1.0))
-    first, last = max(int((top - reach) / math.pi * rows), 0), min(int((top + reach) / math.pi * rows) + 1, rows)
-    for i in range(first, last):
-        v = (i + 0.5) / rows * math.pi
-        sv, cv = math.sin(v), math.cos(v)
-        angle = 2 * math.sin(math.pi / rows / 2) * sv * math.pi / rows
-        for j in range(2 * rows):
-            u = ((j + 0.5) / (2 * rows) - 0.5) * 2 * math.pi
-            a, b, c = sv * math.sin(u), cv, -sv * math.cos(u)
-            if a * x + b * y + c * z < math.cos(reach):
-                continue
-            r, g, e = full[i, j, 0] - rest[i, j, 0], full[i, j, 1] - rest[i, j, 1], full[i, j, 2] - rest[i, j, 2]
-            power[0] += r * angle
-            power[1] += g * angle
-            power[2] += e * angle
-            bright = (0.2126 * r + 0.7152 * g + 0.0722 * e) * angle
-            p += bright
-            q += bright * bright / angle
-            middle[0] += bright * a
-            middle[1] += bright * b
-            middle[2] += bright * c
-    return power, middle / max(np.sqrt((middle**2).sum()), 1e-9), math.sqrt(p * p / max(math.pi * q, 1e-12))
+    near = pixel_directions(len(full)) @ way >= np.cos(reach)
+    d, angle = pixel_directions(len(full))[near], np.broadcast_to(pixel_solid_angles(len(full)), near.shape)[near]
+    more = full[near] - rest[near]
+    bright = luminance(more)
+    middle = (bright * angle) @ d
+    radius = np.sqrt((bright * angle).sum() ** 2 / max(np.pi * (bright**2 * angle).sum(), 1e-12))
+    return angle @ more, middle / max(np.linalg.norm(middle), 1e-9), float(radius)
 
 
 def make_light(radiance: np.ndarray, outdoors: float, name: str, most: int = MOST) -> Light:
@@ -176,7 +115,7 @@ def make_light(radiance: np.ndarray, outdoors: float, name: str, most: int = MOS
         rest = radiance * ratio.repeat(LIGHT_ROWS // SPLIT_ROWS, 0).repeat(LIGHT_ROWS // SPLIT_ROWS, 1)
     else:
         rest = radiance
-    spots = [measured(radiance, rest, *one.direction, np.radians(REACH_DEG)) for one in found]
+    spots = [measured(radiance, rest, one.direction, np.radians(REACH_DEG)) for one in found]
     return Light(
         sky=np.concatenate([full, levels(rest, 8) if found else full]),
         direction=np.array([spot[1] for spot in spots], np.float32).reshape(-1, 3),
@@ -210,7 +149,8 @@ def draw_light(rng: np.random.Generator, maps: Maps, kind: str) -> Light:
         radiance = radiance + np.float32(rng.uniform(0.2, 0.8)) * (turned_map(pool[second], *_turn(rng)) - radiance)
         outdoors = outdoors if outdoors == kinds[second] else np.nan
     white = tint(rng, TINT if kind != "ground" else 0.5 * TINT)
-    radiance = varied(radiance, float(np.exp(rng.normal(0.0, CONTRAST))), white)
+    exponent = np.float32(np.exp(rng.normal(0.0, CONTRAST)))
+    radiance = normalize_map(np.power(radiance + np.float32(1e-9), exponent) * white.astype(np.float32))
     if kind == "dark":
         left = np.float32(np.exp(rng.uniform(np.log(1e-4), np.log(0.08))))  # of a room's own light
         return make_light(np.maximum(radiance * left, 1e-6), np.nan, name, 0)
@@ -229,7 +169,7 @@ def draw_light(rng: np.random.Generator, maps: Maps, kind: str) -> Light:
 
 def _add(rng: np.random.Generator, radiance: np.ndarray, way: np.ndarray, radius: float, power: np.ndarray) -> None:
     radius = max(radius, 1.2 * np.pi / LIGHT_ROWS)
-    add_disc(radiance, *way, radius, float(rng.uniform(0.1, 1.0)), np.asarray(power, np.float64))
+    radiance += even_disc(LIGHT_ROWS, way, radius, float(rng.uniform(0.1, 1.0)), power)
 
 
 def with_lamp(rng: np.random.Generator, light: Light, way: np.ndarray, radius: float, power: np.ndarray) -> Light:
