@@ -23,7 +23,7 @@ from anyprobe_train.light.light_views import LightViews, given_normals
 from anyprobe_train.light.network import LeanNet, LightAnswer
 from anyprobe_train.light.shown import inverse_display
 from anyprobe_train.light.summed_up import Harmonics
-from anyprobe_train.train.export_onnx import CONVOLUTIONS, FLOATS, LINEAR_LAYERS, Graph, write_graph
+from anyprobe_train.train.export_onnx import FLOATS, write_graph
 
 TOLERANCE = 0.04
 """Largest median difference of any output from torch that weights of eight bits may cause."""
@@ -44,14 +44,14 @@ DYNAMIC = {
 """Inputs of any size."""
 
 
-def example_photo() -> tuple[torch.Tensor, ...]:
-    """Return those of a smooth photo of a ball, in the order of INPUTS."""
+def example_photo() -> dict[str, torch.Tensor]:
+    """Return INPUTS of a smooth photo of a ball, by name in their order."""
     rows, columns = np.mgrid[:240, :320]
     mask = ((rows - 130) ** 2 + (columns - 150) ** 2 < 60**2).astype(np.float32)
     waves = np.array([[0.02, 0.05], [0.04, 0.01], [0.03, 0.03]])
     rgb = np.stack([0.5 + 0.4 * np.sin(a * rows + b * columns) for a, b in waves], axis=-1).astype(np.float32)
     given = graph_inputs(rgb, mask, 60.0)
-    return tuple(torch.from_numpy(given[name]) for name in INPUTS)
+    return {name: torch.from_numpy(given[name]) for name in INPUTS}
 
 
 class LeanGraph(nn.Module):
@@ -61,20 +61,8 @@ class LeanGraph(nn.Module):
         super().__init__()
         self.net, self.views, self.harmonics = net, LightViews(), Harmonics()
 
-    def forward(
-        self,
-        photo: torch.Tensor,
-        window: torch.Tensor,
-        geometry: torch.Tensor,
-        lens: torch.Tensor,
-        up: torch.Tensor,
-        normals: torch.Tensor,
-        material: torch.Tensor,
-        panorama: torch.Tensor,
-        sun: torch.Tensor,
-        believe: torch.Tensor,
-    ) -> tuple[torch.Tensor, ...]:
-        given = Given.of((photo, window, geometry, lens, up, normals, material, panorama, sun, believe))
+    def forward(self, *inputs_in_order: torch.Tensor) -> tuple[torch.Tensor, ...]:
+        given = Given.of(inputs_in_order)
         crop, (inputs, beside) = framed(given), self.views(given)
         answer = both_ways(self.net, inputs)
         exposed = torch.where(inputs.crop[:, 3].amax() > 0.5, crop.well_exposed, torch.ones_like(crop.well_exposed))
@@ -166,16 +154,7 @@ def export_lean(checkpoint: Path, path: Path) -> float:
 
 def write_light(net: LeanNet, path: Path, run: dict) -> float:
     """Write light.onnx of a network; run: what its metadata say of where the weights are from."""
-    examples = example_photo()
-    graph = Graph(
-        net=LeanGraph(net).eval(),
-        inputs={name: tuple(value.shape) for name, value in zip(INPUTS, examples, strict=True)},
-        outputs=OUTPUTS,
-        typical=np.median,
-        ranked=("sources",),
-        small=(LINEAR_LAYERS, CONVOLUTIONS),
-        dynamic=DYNAMIC,
-    )
     about = {**CONTRACT, "stage": "light", "computes": FLOATS, "signature": "2"}
     about |= {"run": str(run.get("name")), "steps": str(run.get("step")), "config": json.dumps(run)}
-    return write_graph("light", graph, examples, about, path, TOLERANCE)
+    graph, given = LeanGraph(net).eval(), example_photo()
+    return write_graph(graph, given, OUTPUTS, about, path, tolerance=TOLERANCE, dynamic=DYNAMIC, ranked=("sources",))

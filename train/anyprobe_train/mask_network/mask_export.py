@@ -8,7 +8,7 @@ import torch
 
 from anyprobe.masks.networks import MASK_CONTRACT, SMALL_PX
 from anyprobe_train.mask_network.mask_training import load_mask_net
-from anyprobe_train.train.export_onnx import CONVOLUTIONS, LINEAR_LAYERS, Graph, write_graph
+from anyprobe_train.train.export_onnx import write_graph
 
 TOLERANCE = 0.01
 """Largest mean difference of the cover between graph and network."""
@@ -25,6 +25,7 @@ def export_mask(checkpoint: Path, path: Path) -> float:
         "config": json.dumps(run),
     }
     example = torch.rand((1, 4, SMALL_PX, SMALL_PX), generator=torch.Generator().manual_seed(0))
-    shapes = {"input": tuple(example.shape)}
-    graph = Graph(net=net, inputs=shapes, typical=np.mean, small=(LINEAR_LAYERS, CONVOLUTIONS), dynamic={})
-    return write_graph("mask", graph, (example,), {**MASK_CONTRACT, **recipe}, path, TOLERANCE)
+    about = {**MASK_CONTRACT, **recipe}
+    return write_graph(
+        net, {"input": example}, ("output",), about, path, tolerance=TOLERANCE, dynamic={}, typical=np.mean
+    )

@@ -4,7 +4,6 @@ import json
 from dataclasses import asdict
 from pathlib import Path
 
-import numpy as np
 import torch
 from torch.nn import functional as F
 
@@ -16,7 +15,7 @@ from anyprobe_train.paper.pieces import piece_named, steps_of
 from anyprobe_train.paper.settings import SETTINGS, Setting
 from anyprobe_train.paper.shipped import PIECE_OF
 from anyprobe_train.paper.training import checkpoint_of, load_net, log_of, stored
-from anyprobe_train.train.export_onnx import CONVOLUTIONS, FLOATS, LINEAR_LAYERS, Graph, write_graph
+from anyprobe_train.train.export_onnx import FLOATS, write_graph
 
 TOLERANCE = 0.02
 """Largest median difference of display values or ln radiance that weights of eight bits may cause."""
@@ -48,14 +47,15 @@ def export_chain(runs: Path, setting: Setting, folder: Path) -> dict[str, float]
     for stage, name in PIECE_OF.items():
         net = load_net(setting, runs, name)
         picture = (3, setting.rows, 2 * setting.rows) if stage == "hdr" else (4, setting.side, setting.side)
-        small = (LINEAR_LAYERS, CONVOLUTIONS)
-        graph = Graph(net=in_chain(net), inputs={"input": (1, *picture)}, typical=np.median, small=small)
         recipe = {"run": f"paper {name}", "steps": str(steps[stage][0]), "pairs": str(steps[stage][0] * setting.batch)}
         recipe |= {"config": json.dumps({**asdict(setting), **stored(runs, name)["piece"]})}
         said = {**CONTRACT, "stage": stage, "computes": FLOATS, **recipe}
         coarse = torch.rand((1, picture[0], 8, 8), generator=torch.Generator().manual_seed(0))
         example = F.interpolate(coarse, size=picture[1:], mode="bilinear", align_corners=False)  # as smooth as photos
-        differences[stage] = write_graph(stage, graph, (example,), said, folder / f"{stage}.onnx", TOLERANCE)
+        pairs, path = {"input": {0: "n"}, "output": {0: "n"}}, folder / f"{stage}.onnx"
+        differences[stage] = write_graph(
+            in_chain(net), {"input": example}, ("output",), said, path, tolerance=TOLERANCE, dynamic=pairs
+        )
         sizes[stage] = sum(weights.numel() for weights in net.parameters())
     rows = [
         f"| `{stage}.onnx` | {sizes[stage] / 1e6:.1f} M | {step:,} of {end:,} | {step * setting.batch:,} |"
