@@ -10,16 +10,16 @@ from pathlib import Path
 
 import numpy as np
 
-from anyprobe.core.frames import normalize, turn_towards, world_from_camera
+from anyprobe.core.frames import normalize, world_from_camera
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.objects import MESH_SUFFIXES, read_mesh
 from anyprobe.render.mesh import Mesh
-from anyprobe.render.surface import pixel_rays
+from anyprobe.render.surface import Surface, frame_object, see
 from anyprobe.render.voxels import SIDE as CELLS
 from anyprobe.render.voxels import voxelize
 from anyprobe_train.dataset.catalog import STRANGE_MESHES, allows_commercial_use, listed_rows
 from anyprobe_train.dataset.drawn_shapes import draw_shape, figure, part, stretched, transformed, waved
-from anyprobe_train.world.march import hidden_bits, nearest_faces
+from anyprobe_train.world.march import hidden_bits
 
 VERSION = 3
 """Raised whenever the same shape number would give other views."""
@@ -136,60 +136,38 @@ def shape_views(files: ShapeFiles, number: int) -> np.ndarray:
     standing = standing_mesh(files, rng)
     high = standing.positions.max(axis=0)
     voxels = voxelize(standing)
+    middle = np.array([0.0, high[1] / 2, 0.0])
+    centred = replace(standing, positions=standing.positions - middle)
     result = np.zeros(CAMERAS, VIEW)
     for view in result:
         sine = rng.uniform(*np.sin(np.radians(PITCH_DEG)))
         rotation = world_from_camera(rng.uniform(0, 2 * np.pi), float(np.arcsin(sine)))
-        distance = np.sqrt(1 + np.exp(-2 * rng.uniform(*np.log(TANGENT))))
-        eye = rotation @ [0.0, 0.0, distance] + [0.0, high[1] / 2, 0.0]
-        rotation, tangent = _framed(standing, rotation, eye)
-        cover, normals, depth = _see(standing, rotation, eye, tangent)
+        fov_deg = 2 * np.degrees(np.arctan(np.exp(rng.uniform(*np.log(TANGENT)))))
+        camera = frame_object(centred, rotation, fov_deg, MARGIN, 2 * SEEN_PX)
+        cover, normals, depth = _pooled(see(centred, camera))
         view["cover"], view["normals"] = cover, np.round(127 * normals)
-        view["depth"] = np.where(cover > 0, depth[..., 0] - np.linalg.norm(eye), 0.0)
-        view["camera"], view["eye"], view["tangent"] = rotation, eye, tangent
+        view["eye"] = camera.position + middle
+        view["depth"] = np.where(cover > 0, depth[..., 0] - np.linalg.norm(view["eye"]), 0.0)
+        view["camera"], view["tangent"] = camera.world_from_camera, camera.tan_half
         view["words"], view["low"], view["cell"] = voxels.words, voxels.low, voxels.cell
         view["top"], view["shape"] = high[1], number
         view["hidden"] = _hidden(view, int(rng.integers(2**31)))
     return result
 
 
-def _framed(mesh: Mesh, rotation: np.ndarray, eye: np.ndarray) -> tuple[np.ndarray, float]:
-    """Return world_from_camera that looks at the middle of the mesh's box from `eye`, and the tangent of half the
-    window that takes in all of it."""
-    for _ in range(3):
-        seen = (mesh.positions - eye) @ rotation
-        plane = seen[:, :2] / np.maximum(-seen[:, 2:], 1e-3)
-        low, high = plane.min(axis=0), plane.max(axis=0)
-        rotation = rotation @ turn_towards(np.array([*(low + high) / 2, -1.0]))
-    return rotation, float((high - low).max() / 2 * MARGIN)
-
-
-def _see(mesh: Mesh, rotation: np.ndarray, eye: np.ndarray, tangent: float) -> tuple[np.ndarray, ...]:
+def _pooled(surface: Surface) -> tuple[np.ndarray, ...]:
     """Return cover [SEEN_PX, SEEN_PX] uint8, and normals in the camera's frame and depth of the nearest of each pixel's
     four points."""
-    size = 2 * SEEN_PX
-    seen = (mesh.positions - eye) @ rotation
-    inverse = 1.0 / np.maximum(-seen[:, 2], 1e-3)
-    screen = (seen[:, :2] * inverse[:, None] / tangent * [1, -1] + 1) * (size / 2)
-    face, weights, key = nearest_faces(screen, inverse, mesh.faces, size)
-    on = face >= 0
-    normals = np.zeros((size, size, 3), np.float32)
-    n = np.einsum("pkc,pk->pc", mesh.normals[face[on]], weights[on]) @ rotation
-    n /= np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-9)
-    toward = pixel_rays(tangent, size)[on]
-    facing = (n * toward).sum(axis=1, keepdims=True)
-    n = np.where(facing < -0.3, -n, n)  # the back of a sheet
-    facing = np.where(facing < -0.3, -facing, facing)
-    n = np.where(facing < 0.01, n + (0.02 - facing) * toward, n)
-    normals[on] = n / np.linalg.norm(n, axis=1, keepdims=True)
-    depth = np.where(on, 1.0 / np.maximum(key, 1e-9), np.inf)
+    normals = np.zeros((*surface.mask.shape, 3), np.float32)
+    depth = np.full(surface.mask.shape, np.inf)
+    normals[surface.mask], depth[surface.mask] = surface.normals, surface.depth
 
     def four(values: np.ndarray) -> np.ndarray:
         return values.reshape(SEEN_PX, 2, SEEN_PX, 2, -1).transpose(0, 2, 1, 3, 4).reshape(SEEN_PX, SEEN_PX, 4, -1)
 
     near = four(depth)[..., 0].argmin(axis=2)[..., None, None]
     nearest = (np.take_along_axis(four(one), near, axis=2)[:, :, 0] for one in (normals, depth))
-    cover = np.round(255 * four(on.astype(np.float32)).mean(axis=2)[..., 0]).astype(np.uint8)
+    cover = np.round(255 * four(surface.mask.astype(np.float32)).mean(axis=2)[..., 0]).astype(np.uint8)
     return cover, *nearest
 
 
