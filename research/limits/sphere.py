@@ -21,7 +21,7 @@ from anyprobe.light.environment import MAP_HEIGHT, reduced, rotate
 from anyprobe.paper.equations import ggx_distribution, schlick_weight, smith_visibility
 from anyprobe.scatter.materials import Material, total_reflectance
 from anyprobe_train.dataset import distributions
-from anyprobe_train.dataset.camera import draw_shot, exposure, phone_shot
+from anyprobe_train.dataset.camera import draw_shot, meter
 from anyprobe_train.dataset.distributions import draw_material
 from anyprobe_train.dataset.pair import Pair
 from anyprobe_train.dataset.recipe import WORLD
@@ -174,14 +174,8 @@ class SphereLimit:
 
 def _gain(rng: np.random.Generator, world: bool, seen: np.ndarray, light: np.ndarray) -> np.ndarray:
     """[3]: exposure and white balance of a photo of the sphere."""
-    shot = draw_shot(rng)
-    bright = luminance(light)
-    if world:
-        shot = phone_shot(shot, (light * pixel_solid_angles(MAP_HEIGHT)[..., None]).sum(axis=(0, 1)), rng)
-        scene = float(distributions.frame_level(bright))
-    else:
-        scene = float(np.exp(np.log(np.maximum(bright, 1e-4)).mean()))
-    return (exposure(shot, float(luminance(seen).mean()), scene) * shot.white_balance).astype(np.float32)
+    shot, gain = meter(draw_shot(rng), light, float(luminance(seen).mean()), world, rng)
+    return (gain * shot.white_balance).astype(np.float32)
 
 
 def _coarse(maps: np.ndarray) -> np.ndarray:

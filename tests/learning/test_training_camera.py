@@ -7,7 +7,7 @@ import pytest
 
 from anyprobe.core.color import to_bytes
 from anyprobe.core.response import CameraCurve, inverse_response, response
-from anyprobe_train.dataset.camera import OBJECT_RANGE, SUBSAMPLINGS, Shot, blur, draw_shot, exposure, one_photo
+from anyprobe_train.dataset.camera import OBJECT_RANGE, SUBSAMPLINGS, Shot, blur, draw_shot, meter, one_photo
 
 SIZE = 64
 CLEAN = Shot(metering=0.5, object_key=0.3, scene_key=0.25, white_balance=np.ones(3, np.float32), curve=CameraCurve())
@@ -27,10 +27,14 @@ def texture(rng, contrast: float = 0.5) -> np.ndarray:
 def test_metering_sets_the_object_or_the_scene_to_its_key():
     by_object = replace(CLEAN, metering=1.0, object_key=0.4)
     by_scene = replace(CLEAN, metering=0.0, scene_key=0.2)
-    assert exposure(by_object, 5.0, 80.0) * 5.0 == pytest.approx(0.4)
-    assert exposure(by_scene, 5.0, 8.0) * 8.0 == pytest.approx(0.2)
-    assert exposure(by_scene, 100.0, 1.0) * 100.0 == pytest.approx(OBJECT_RANGE[1])
-    assert exposure(by_scene, 1e-3, 1.0) * 1e-3 == pytest.approx(OBJECT_RANGE[0])
+
+    def gain(shot: Shot, mean: float, scene: float) -> float:
+        return meter(shot, np.full((8, 16, 3), scene), mean, False, np.random.default_rng(0))[1]
+
+    assert gain(by_object, 5.0, 80.0) * 5.0 == pytest.approx(0.4)
+    assert gain(by_scene, 5.0, 8.0) * 8.0 == pytest.approx(0.2)
+    assert gain(by_scene, 100.0, 1.0) * 100.0 == pytest.approx(OBJECT_RANGE[1])
+    assert gain(by_scene, 1e-3, 1.0) * 1e-3 == pytest.approx(OBJECT_RANGE[0])
 
 
 def test_the_clean_shot_is_the_same_shot_without_flaws():

@@ -4,7 +4,6 @@ import io
 from dataclasses import dataclass, replace
 
 import numpy as np
-from array_api_compat import array_namespace, device
 from PIL import Image
 
 from anyprobe.core.color import luminance
@@ -30,9 +29,6 @@ class Shot:
     white_balance [3]: gain of each channel. noise: standard deviation of display values.
     blur_px: standard deviation of the lens blur in pixels of the crop, 0 for none.
     jpeg_quality: on libjpeg's scale, None for no JPEG; jpeg_subsampling: one of SUBSAMPLINGS.
-    object_range: bounds of the object's mean radiance, whatever the camera meters.
-    meters_frame: whether the camera meters as phones do: it brings the mean of the object, weighted by metering, and of
-        the rest of the frame to scene_key (dataset.distributions.metered_gain) and ignores object_key.
     """
 
     metering: float
@@ -44,8 +40,6 @@ class Shot:
     blur_px: float = 0.0
     jpeg_quality: int | None = None
     jpeg_subsampling: str = SUBSAMPLINGS[0]
-    object_range: tuple[float, float] = OBJECT_RANGE
-    meters_frame: bool = False
 
 
 def draw_curve(rng: np.random.Generator) -> CameraCurve:
@@ -85,64 +79,39 @@ def draw_shot(rng: np.random.Generator, conditions: int = 1) -> Shot:
     )
 
 
-def phone_shot(shot: Shot, ambient: np.ndarray, rng: np.random.Generator) -> Shot:
-    """Return the shot with metering and white balance of dataset.distributions, in light of mean colour ambient [3]."""
-    (weight,), (key,) = distributions.draw_metering(rng, 1)
-    balance = distributions.draw_white_balance(rng, ambient[None])[0]
-    return replace(
-        shot,
-        metering=float(weight),
-        scene_key=float(key),
-        white_balance=balance,
-        meters_frame=True,
-        object_range=distributions.OBJECT_RANGE,
-    )
-
-
-def exposure(shot: Shot, object_mean: float, scene: float) -> float:
-    """Return the gain from radiance to the photo's exposure units.
-
-    object_mean: mean luminance of the object. scene: exp(mean ln luminance) of the map, or where the shot meters the
-    frame, distributions.frame_level of it.
-    """
-    if shot.meters_frame:
-        gain = distributions.metered_gain(object_mean, scene, shot.metering, shot.scene_key)
-    else:
-        by_object = shot.object_key / max(object_mean, 1e-6)
-        by_scene = shot.scene_key / max(scene, 1e-6)
-        gain = by_object**shot.metering * by_scene ** (1.0 - shot.metering)
-    mean = max(object_mean * gain, 1e-9)
-    return float(gain * np.clip(mean, *shot.object_range) / mean)
-
-
 def meter(
     shot: Shot, light: np.ndarray, object_mean: float, by_phone: bool, rng: np.random.Generator
 ) -> tuple[Shot, float]:
     """Return the shot as metered, and the gain from radiance to exposure units before white balance.
 
     light: the map [H, 2H, 3] before any exposure. object_mean: mean luminance of the object. by_phone: whether it is
-    metered and balanced as phones do it (phone_shot).
+    metered and balanced as phones do it, by dataset.distributions, which ignores the shot's own metering and keys.
     """
     brightness = luminance(light)
     if by_phone:
+        (weight,), (key,) = distributions.draw_metering(rng, 1)
         ambient = (light * pixel_solid_angles(len(light))[..., None]).sum(axis=(0, 1))
-        shot, scene = phone_shot(shot, ambient, rng), distributions.frame_level(brightness)
+        shot = replace(shot, white_balance=distributions.draw_white_balance(rng, ambient[None])[0])
+        frame, bounds = float(distributions.frame_level(brightness)), distributions.OBJECT_RANGE
+        gain = distributions.metered_gain(object_mean, frame, weight, key)
     else:  # a camera that meters the whole scene sees exp(mean ln luminance)
-        scene = np.exp(np.log(np.clip(brightness, 1e-4, None)).mean())
-    return shot, exposure(shot, object_mean, float(scene))
+        scene, bounds = float(np.exp(np.log(np.clip(brightness, 1e-4, None)).mean())), OBJECT_RANGE
+        by_object, by_scene = shot.object_key / max(object_mean, 1e-6), shot.scene_key / max(scene, 1e-6)
+        gain = by_object**shot.metering * by_scene ** (1.0 - shot.metering)
+    mean = max(object_mean * gain, 1e-9)
+    return shot, float(gain * np.clip(mean, *bounds) / mean)
 
 
-def blur(planes, sigma: float):
+def blur(planes: np.ndarray, sigma: float) -> np.ndarray:
     """Blur pictures [..., S, S] by a Gaussian of sigma > 0 pixels: G p G^T.
 
     Row i of G [S, S] weighs a line's pixels around pixel i; rows sum to 1 at borders too. They are zero from 5 sigma
     on: products of the tail's tiny numbers would make it 20 times slower.
     """
-    xp = array_namespace(planes)
     x = np.arange(planes.shape[-1], dtype=np.float32)
     distance = np.abs(x[:, None] - x) / sigma
     weights = np.where(distance < 5.0, np.exp(-0.5 * distance**2), 0.0).astype(np.float32)
-    rows = xp.asarray(weights / weights.sum(axis=1, keepdims=True), device=device(planes))
+    rows = weights / weights.sum(axis=1, keepdims=True)
     return rows @ planes @ rows.T
 
 
