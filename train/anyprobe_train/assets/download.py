@@ -12,10 +12,8 @@ import time
 import urllib.error
 import urllib.parse
 import urllib.request
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 from anyprobe import __version__
 from anyprobe.errors import AnyprobeError
@@ -40,10 +38,6 @@ MAX_BACKOFF_S = 60.0
 MAX_WAIT_S = 300.0
 """A server that asks for more patience than this is left alone: ServerBusy."""
 
-MAX_BYTES = 2**30
-"""Most that is read of a file whose size nobody says."""
-CHUNK_BYTES = 2**16
-
 
 class DownloadError(AnyprobeError):
     """A page or file that could not be had; others may."""
@@ -63,11 +57,10 @@ class _Transient(Exception):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RemoteFile:
-    """A file as its publisher describes it; size in bytes, if given."""
+    """A file as its publisher describes it."""
 
     url: str
     md5: str
-    size: int | None = None
 
 
 Fetch = tuple[str, Callable[[], str]]
@@ -90,8 +83,7 @@ class Client:
         Raises:
             DownloadError: there is none, or the server does not answer.
         """
-
-        body = self._patiently(RemoteFile(url=url, md5=""))
+        body = self._patiently(url)
         try:
             answer = json.loads(body)
         except (ValueError, RecursionError):
@@ -110,38 +102,23 @@ class Client:
             DownloadError: it cannot be had, or has the wrong MD5 twice.
         """
         for _ in range(2):
-            body = self._patiently(remote)
+            body = self._patiently(remote.url)
             found = md5_of(body)
             if found == remote.md5:
                 return body
         raise DownloadError(f"{remote.url}: expected MD5 {remote.md5}, got {found}, twice; tell the publisher")
 
-    def _transfer(self, remote: RemoteFile) -> bytes:
-        body = bytearray()
-        with self._open(remote.url) as response:
-            length = response.headers.get("Content-Length", "")
-            total = int(length) if remote.size is None and length.isdecimal() else remote.size
-            most = MAX_BYTES if total is None else total
-            while len(body) <= most and (chunk := response.read1(CHUNK_BYTES)):
-                body += chunk
-        if len(body) > most:
-            raise DownloadError(f"{remote.url}: expected at most {most} bytes, got more; tell the publisher")
-        if total is not None and len(body) < total:
-            raise _Transient(f"the connection ended after {len(body)} of {total} bytes")
-        return bytes(body)
-
-    @contextmanager
-    def _open(self, url: str) -> Iterator[Any]:
-        """Yield a response of status 200; network trouble inside the block becomes _Transient."""
+    def _get(self, url: str) -> bytes:
+        """Return the body of a response of status 200; trouble that may pass becomes _Transient."""
         headers = {"User-Agent": USER_AGENT, "Accept-Encoding": "identity"}
         if not url.startswith(("http://", "https://")):
             raise DownloadError(f"{url}: expected a http or https address")
         time.sleep(max(0.0, self._free_at - time.monotonic()))
         try:
             quoted = urllib.parse.quote(url, safe="%/:?#[]@!$&'()*+,;=~")
-            response = urllib.request.urlopen(urllib.request.Request(quoted, headers=headers), timeout=TIMEOUT_S)
-            with response:
-                yield response
+            request = urllib.request.Request(quoted, headers=headers)
+            with urllib.request.urlopen(request, timeout=TIMEOUT_S) as response:
+                return response.read()
         except urllib.error.HTTPError as error:
             with error:
                 if error.code in (408, 425, 429) or error.code >= 500:
@@ -158,26 +135,25 @@ class Client:
         finally:
             self._free_at = time.monotonic() + self._pause_s
 
-    def _patiently(self, remote: RemoteFile) -> bytes:
+    def _patiently(self, url: str) -> bytes:
         """Try until it works, at most ATTEMPTS times."""
         failures = 0
         while True:
             try:
-                return self._transfer(remote)
+                return self._get(url)
             except _Transient as trouble:
                 failures += 1
                 if failures == ATTEMPTS:
-                    text = f"{remote.url}: {trouble}, {ATTEMPTS} times in a row; try later"
-                    raise DownloadError(text) from trouble
+                    raise DownloadError(f"{url}: {trouble}, {ATTEMPTS} times in a row; try later") from trouble
                 wait_s = trouble.wait_s
                 if wait_s is None:
                     wait_s = min(BACKOFF_S * 2 ** (failures - 1), MAX_BACKOFF_S)
                 if wait_s > MAX_WAIT_S:
                     raise ServerBusy(
-                        f"{remote.url}: {trouble}, and the server asks to wait {wait_s:.0f} s; "
+                        f"{url}: {trouble}, and the server asks to wait {wait_s:.0f} s; "
                         "run the same command then, it goes on where it stopped"
                     ) from trouble
-                self._say(f"{remote.url}: {trouble}; again in {wait_s:.0f} s")
+                self._say(f"{url}: {trouble}; again in {wait_s:.0f} s")
                 time.sleep(wait_s)
 
 

@@ -194,8 +194,7 @@ def _sources(files: dict, kind: str, library: Library) -> dict[str, RemoteFile]:
 def _remote(entry: dict) -> RemoteFile:
     if not _MD5.fullmatch(entry["md5"]):  # it becomes part of a file name
         raise ValueError(f"md5 {entry['md5']!r}")
-    size = entry.get("size")
-    return RemoteFile(url=str(entry["url"]), md5=entry["md5"], size=size if isinstance(size, int) else None)
+    return RemoteFile(url=str(entry["url"]), md5=entry["md5"])
 
 
 def _pixels(resolution: str) -> int:
