@@ -9,7 +9,6 @@ asset's files by resolution and format, each with address, size and MD5.
 
 import hashlib
 import io
-import os
 import re
 import urllib.parse
 from collections import Counter
@@ -28,7 +27,7 @@ API = "https://api.polyhaven.com"
 PAGE = "https://polyhaven.com/a/"
 LICENCE = "CC0-1.0 (Poly Haven)"
 FOLDERS = {"hdris": "hdri", "models": "meshes"}
-COLUMNS = "file slug category licence source url authors md5 split resolution files_hash upstream_md5".split()
+COLUMNS = "file slug category licence source url authors md5 split resolution files_hash".split()
 
 _SLUG = re.compile(r"[A-Za-z0-9_-]+")
 _MD5 = re.compile(r"[0-9a-f]{32}")
@@ -133,45 +132,32 @@ class Library:
         if manifest.has_other(asset.source, asset.slug) or (row is None and target.is_file()):
             return "kept"
         whole = row is not None and old.is_file() and md5_of(old.read_bytes()) == row.get("md5")
-        same = whole and old.suffix == target.suffix and row.get("resolution", "") == resolution
-        if same and asset.files_hash and row.get("files_hash") == asset.files_hash:
-            return self._complete(manifest, row, old, target, split)
-
+        wanted = {"resolution": resolution, "files_hash": asset.files_hash}
+        if whole and old == target and asset.files_hash and all(row.get(key) == one for key, one in wanted.items()):
+            return "complete"
         sources = _sources(self.client.get_json(f"{self.api.rstrip('/')}/files/{asset.slug}"), asset.kind, self)
-        upstream = "+".join(one.md5 for one in sources.values())
-        new = {
-            "file": f"{split}/{target.name}",
-            "slug": asset.slug,
-            "category": asset.category,
-            "licence": LICENCE,
-            "source": asset.source,
-            "url": sources[""].url,
-            "authors": asset.authors,
-            "split": split,
-            "resolution": resolution,
-            "files_hash": asset.files_hash,
-            "upstream_md5": upstream,
-        }
-        if same and row.get("upstream_md5") == upstream:
-            return self._complete(manifest, {**row, "files_hash": asset.files_hash}, old, target, split)
-
         parts = {path: self.client.download(remote) for path, remote in sources.items()}
         body = parts[""] if is_map else _packed(parts)
         with atomic_path(target) as temporary:
             temporary.write_bytes(body)
             _check(temporary, target.name)
-            manifest.put(new | {"md5": md5_of(body)})  # before the rename: no file without its licence
+            manifest.put(  # before the rename: no file without its licence
+                {
+                    "file": f"{split}/{target.name}",
+                    "slug": asset.slug,
+                    "category": asset.category,
+                    "licence": LICENCE,
+                    "source": asset.source,
+                    "url": sources[""].url,
+                    "authors": asset.authors,
+                    "md5": md5_of(body),
+                    "split": split,
+                    **wanted,
+                }
+            )
         if whole and old != target:
             old.unlink()
         return "fetched"
-
-    def _complete(self, manifest: Manifest, row: dict, old: Path, target: Path, split: str) -> str:
-        """Leave the file as it is, or move it to the split it now belongs to."""
-        if old != target:
-            target.parent.mkdir(parents=True, exist_ok=True)
-            os.replace(old, target)
-        manifest.put({**row, "file": f"{split}/{target.name}", "split": split})
-        return "complete"
 
 
 def _sources(files: dict, kind: str, library: Library) -> dict[str, RemoteFile]:

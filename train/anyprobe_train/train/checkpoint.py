@@ -18,6 +18,7 @@ from anyprobe.files.atomic import atomic_path
 CHANGEABLE = ("name", "steps")
 """Settings that may change when a run is resumed."""
 OPTIONS_OF = {"assets": "--data with", "start": "--init-weights with"}
+NO_CHECKPOINT = "expected a run's checkpoint, got a damaged file or none of a run; train again, or restore a copy"
 
 
 def resumed(
@@ -86,21 +87,14 @@ def read_checkpoint(path: Path, device: str = "cpu") -> dict[str, Any]:
     """Read what save_checkpoint wrote; ModelError if there is no file, a damaged one, or none of a run."""
     if not path.is_file():
         raise ModelError("no such checkpoint; train first", source=path)
-    with path.open("rb") as stream:
-        try:
-            stored = torch.load(stream, map_location=device, weights_only=True)
-        except Exception as error:  # torch raises many kinds for a damaged file
-            raise _no_checkpoint(path, "a damaged file") from error
-    if not isinstance(stored, Mapping):
-        raise _no_checkpoint(path, f"a {type(stored).__name__}")
-    if not isinstance(stored.get("net"), Mapping):
-        raise _no_checkpoint(path, "a file without weights")
     try:
-        config = json.loads(stored["config"])
-    except (KeyError, TypeError, ValueError) as error:
-        raise _no_checkpoint(path, "a file without its configuration") from error
-    if not isinstance(config, dict) or not isinstance(stored.get("step"), int):
-        raise _no_checkpoint(path, "a file without its configuration or step")
+        stored = torch.load(path, map_location=device, weights_only=True)
+        kinds = stored["net"], json.loads(stored["config"]), stored["step"]
+        is_one = all(isinstance(one, kind) for one, kind in zip(kinds, (Mapping, dict, int), strict=True))
+    except Exception as error:  # torch raises many kinds for a damaged file
+        raise ModelError(NO_CHECKPOINT, source=path) from error
+    if not is_one:
+        raise ModelError(NO_CHECKPOINT, source=path)
     return dict(stored)
 
 
@@ -119,10 +113,6 @@ def load_weights(nets: nn.Module, weights: Mapping[str, torch.Tensor], path: Pat
                 source=path,
             )
     nets.load_state_dict(weights)
-
-
-def _no_checkpoint(path: Path, found: str) -> ModelError:
-    return ModelError(f"expected a run's checkpoint, got {found}; train again, or restore a copy", source=path)
 
 
 SMALL = 1024
