@@ -11,9 +11,9 @@ from PIL import Image
 from anyprobe.core.latlong import bilinear, direction_to_uv, uv_to_direction
 from anyprobe.light.environment import MAP_HEIGHT, reduced, rotate
 from anyprobe.render.shapes import sphere
-from anyprobe_train.evaluate.path_traced import NAME, _environment, _mi_rays, _shape, open_mitsuba
+from anyprobe_train.evaluate.path_traced import NAME, _environment, _shape, open_mitsuba
 from research.scenes.layouts import Lamp, Layout
-from research.world.whole_render import Render
+from research.world.whole_render import Render, mitsuba_rays
 from research.world.whole_scenes import Panel
 
 BATCH = 1 << 16
@@ -142,7 +142,7 @@ def _traced(mi, tracer, whole, alone, hiding, eye: np.ndarray, direction: np.nda
     for start in range(0, count, BATCH):
         part = direction[start : start + BATCH]
         padded = np.concatenate([part, np.broadcast_to(part[:1], (BATCH - len(part), 3))])
-        rays = _mi_rays(mi, eye, padded)
+        rays = mitsuba_rays(mi, eye, padded)
         if alone is not None:
             own[start : start + BATCH] = np.array(alone.ray_intersect_preliminary(rays).t)[: len(part)]
         if hiding is not None:

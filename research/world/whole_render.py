@@ -10,7 +10,7 @@ import numpy as np
 from anyprobe.core.frames import rotation_y
 from anyprobe.core.latlong import uv_to_direction
 from anyprobe.light.environment import MAP_HEIGHT, rotate
-from anyprobe_train.evaluate.path_traced import NAME, _environment, _mi_rays, _shape, open_mitsuba
+from anyprobe_train.evaluate.path_traced import NAME, _environment, _shape, open_mitsuba
 from research.world.whole_scenes import Panel, Scene
 
 PATHS = 24
@@ -70,7 +70,7 @@ def _photograph(mi, tracer, whole, alone, hiding, scene: Scene, paths: int):
         across = x + (some % side + shift[0]) / side
         down = y + (some // side + shift[1]) / side
         direction = phone.rays(across.ravel(), down.ravel())
-        rays = _mi_rays(mi, phone.position, direction)
+        rays = mitsuba_rays(mi, phone.position, direction)
         sampler = mi.load_dict({"type": "independent", "sample_count": 1})
         sampler.seed(1 + start, len(direction))
         color, _, _ = tracer.sample(whole, sampler, rays)
@@ -80,6 +80,17 @@ def _photograph(mi, tracer, whole, alone, hiding, scene: Scene, paths: int):
         covered += (np.isfinite(own) & (own < other)).reshape(len(some), -1).sum(axis=0)
     picture = (total / paths).reshape(rows, columns, 3).astype(np.float32)
     return picture, (covered / paths).reshape(rows, columns).astype(np.float32)
+
+
+def mitsuba_rays(mi, origin: np.ndarray, direction: np.ndarray):
+    """Convert world rays [N, 3] from one place or one each."""
+    import drjit as dr
+
+    origin = np.broadcast_to(origin, direction.shape)
+    unit = dr.opaque(mi.Float, 1.0)  # products are aligned as Dr.Jit prefers, which every kernel depends on
+    origins, directions = (unit * kind(*x.T.copy()) for kind, x in ((mi.Point3f, origin), (mi.Vector3f, direction)))
+    dr.eval(origins, directions)
+    return mi.RayDifferential3f(origins, directions)
 
 
 def _probe(mi, tracer, empty, scene: Scene, paths: int) -> np.ndarray:
@@ -92,7 +103,7 @@ def _probe(mi, tracer, empty, scene: Scene, paths: int) -> np.ndarray:
     direction = uv_to_direction(np.stack([u, v], axis=-1)).reshape(-1, 3) @ scene.phone.world_from_camera.T
     sampler = mi.load_dict({"type": "independent", "sample_count": 1})
     sampler.seed(0, len(direction))
-    color, _, _ = tracer.sample(empty, sampler, _mi_rays(mi, scene.center, direction))
+    color, _, _ = tracer.sample(empty, sampler, mitsuba_rays(mi, scene.center, direction))
     values = np.nan_to_num(np.array(color).T).reshape(MAP_HEIGHT, side, 2 * MAP_HEIGHT, side, 3)
     weight = np.sin(np.pi * v).reshape(MAP_HEIGHT, side, 2 * MAP_HEIGHT, side, 1)
     return ((values * weight).sum(axis=(1, 3)) / weight.sum(axis=(1, 3))).astype(np.float32)

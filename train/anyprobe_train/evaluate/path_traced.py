@@ -10,8 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from anyprobe.core.frames import normalize
-from anyprobe.core.sampling import hammersley
 from anyprobe.errors import MissingExtra
 from anyprobe.export.scene_files import pole_to_pole
 from anyprobe.render.mesh import Mesh
@@ -91,7 +89,7 @@ OLDEST_LLVM = 17
 """Oldest supported LLVM: older ones end the whole process on machines with AVX-512."""
 
 TO_OURS = np.diag([-1.0, 1.0, -1.0])
-"""Rotation by 180 degrees about +Y: Mitsuba's map has +Z in its middle, ours -Z."""
+"""Rotation by 180 degrees about +Y: Mitsuba's map has +Z in its middle and its camera looks along it, ours -Z."""
 
 NUM_PATHS = 256
 """Number of paths per pixel."""
@@ -147,56 +145,27 @@ def trace_mesh(
         num_paths: per pixel, rounded up to a power of two.
     """
     mi = open_mitsuba()
-    alone = {"type": "scene", "mesh": _shape(mi, mesh, material)}
-    scene = {**alone, "light": _environment(mi, radiance)}
-    alone, scene = mi.load_dict(alone), mi.load_dict(scene)
-    tracer = mi.load_dict({"type": "path", "max_depth": MAX_DEPTH})
-    pixels = camera.size**2
-    total, count, paths = np.zeros((pixels, 3)), np.zeros(pixels), 1 << (num_paths - 1).bit_length()
-    most = min(paths, max(1, PATHS_AT_ONCE // pixels))
+    to_world = np.eye(4)
+    to_world[:3, :3], to_world[:3, 3] = camera.world_from_camera @ TO_OURS, camera.position
+    paths = 1 << (num_paths - 1).bit_length()
+    most = min(paths, max(1, PATHS_AT_ONCE // camera.size**2))
     each = 1 << ((most.bit_length() - 1) // 2 * 2)  # a power of four: the sampler rounds others up to one
-    jitter = hammersley(paths)
-    for start in range(0, paths, each):
-        direction = _rays(camera, jitter[start : start + each])
-        distance = np.array(alone.ray_intersect_preliminary(_mi_rays(mi, camera.position, direction)).t)
-        distance = distance.reshape(each, pixels).T  # a pixel's paths side by side, as the sampler stratifies them
-        hit = np.isfinite(distance)
-        # in any order, as the sampler's numbers for neighbours are alike: grain instead of streaks
-        seen = np.random.default_rng(start).permutation(np.flatnonzero(hit.any(axis=1)))
-        if not len(seen):
-            continue
-        sampler = mi.load_dict({"type": "multijitter", "sample_count": each})
-        sampler.set_samples_per_wavefront(each)
-        sampler.seed(start, len(seen) * each)
-        rays = direction.reshape(each, pixels, 3).transpose(1, 0, 2)[seen].reshape(-1, 3)
-        color, _, _ = tracer.sample(scene, sampler, _mi_rays(mi, camera.position, rays))
-        color = np.nan_to_num(np.array(color).T).reshape(len(seen), each, 3) * hit[seen][..., None]
-        total[seen] += color.sum(axis=1)
-        count[seen] += hit[seen].sum(axis=1)
-    picture = np.zeros((pixels, 4), np.float32)
-    picture[:, :3] = total / np.maximum(count, 1)[:, None]
-    picture[:, 3] = count / paths
-    return picture.reshape(camera.size, camera.size, 4)
-
-
-def _rays(camera: Camera, jitter: np.ndarray) -> np.ndarray:
-    """Return world directions [K * S * S, 3] through points jitter [K, 2] of every pixel."""
-    step = 2 * camera.tan_half / camera.size
-    column, row = np.meshgrid(np.arange(camera.size), np.arange(camera.size))
-    x = camera.center[0] - camera.tan_half + step * (column.ravel() + jitter[:, :1])
-    y = camera.center[1] + camera.tan_half - step * (row.ravel() + jitter[:, 1:])
-    rays = normalize(np.stack([x, y, -np.ones_like(x)], axis=-1).reshape(-1, 3))
-    return rays @ camera.world_from_camera.T
-
-
-def _mi_rays(mi, origin: np.ndarray, direction: np.ndarray):
-    import drjit as dr
-
-    origin = np.broadcast_to(origin, direction.shape)
-    unit = dr.opaque(mi.Float, 1.0)  # products are aligned as Dr.Jit prefers, which every kernel depends on
-    origins, directions = (unit * kind(*x.T.copy()) for kind, x in ((mi.Point3f, origin), (mi.Vector3f, direction)))
-    dr.eval(origins, directions)
-    return mi.RayDifferential3f(origins, directions)
+    film = {"type": "hdrfilm", "width": camera.size, "height": camera.size, "pixel_format": "rgba"}
+    sensor = {
+        "type": "perspective",
+        "fov": 2 * float(np.degrees(np.arctan(camera.tan_half))),
+        "near_clip": 1e-3,
+        "to_world": mi.ScalarTransform4f(to_world),
+        "film": film | {"component_format": "float32", "rfilter": {"type": "box"}},
+        "sampler": {"type": "multijitter", "sample_count": each},
+    }
+    tracer = {"type": "path", "max_depth": MAX_DEPTH, "hide_emitters": True}
+    lit = {"type": "scene", "mesh": _shape(mi, mesh, material), "light": _environment(mi, radiance)}
+    scene = mi.load_dict({**lit, "sensor": sensor, "integrator": tracer})
+    passes = [np.array(mi.render(scene, spp=each, seed=number)) for number in range(paths // each)]
+    picture = np.nan_to_num(np.mean(passes, axis=0))
+    picture[..., :3] /= np.maximum(picture[..., 3:], 1e-6)  # radiance is of paths that meet the mesh
+    return picture
 
 
 def _bsdf(material: Material) -> dict:
