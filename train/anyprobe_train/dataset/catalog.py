@@ -63,7 +63,7 @@ def allows_commercial_use(licence: str) -> bool:
 class MapAsset:
     """A real map: radiance [256, 512, 3], mean luminance 1 over the sphere; id as of file_id.
 
-    lifted: whether its light above white was made up, as of a map that had 8 bits; the manifest says so.
+    lifted: whether its light above white was made up, as of a map that had 8 bits; category: both as the manifest says.
     """
 
     name: str
@@ -72,6 +72,7 @@ class MapAsset:
     indoor: bool
     radiance: np.ndarray
     lifted: bool = False
+    category: str = ""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -115,6 +116,7 @@ def load_maps(folder: Path, *, commercial_only: bool = False, report: Report | N
             indoor=row.get("category", "") in ("indoor", "studio"),
             radiance=normalize_map(_fit(radiance)),
             lifted=row.get("lifted", "0") == "1",
+            category=row.get("category", ""),
         )
 
     return _load(Path(folder), MAP_SUFFIXES, STRANGE_MAPS, load, commercial_only, report)

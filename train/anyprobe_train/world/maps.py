@@ -1,6 +1,5 @@
 """Maps, procedural places and covers, prepared once in a folder and shared by all processes through its files."""
 
-import csv
 import fcntl
 import json
 import re
@@ -84,14 +83,10 @@ def _real(data: Path, part: str) -> dict[str, np.ndarray]:
     measured = [one for folder in folders for one in load_maps(folder) if not one.lifted]
     unique = {one.id: one for one in measured if allows_commercial_use(one.licence) == (part == "train")}
     chosen = sorted(unique.values(), key=lambda one: one.name)
-    categories: dict[str, str] = {}
-    for manifest in sorted((data / "hdri").rglob("manifest.csv")):
-        with manifest.open(newline="", encoding="utf-8") as rows:
-            categories |= {row["slug"]: row["category"] for row in csv.DictReader(rows)}
     return {
         "real": np.stack([one.radiance for one in chosen]),
         "names": np.array(json.dumps([one.name for one in chosen])),
-        "outdoors": np.array([OUTDOORS.get(categories.get(one.name, ""), np.nan) for one in chosen], np.float32),
+        "outdoors": np.array([OUTDOORS.get(one.category, np.nan) for one in chosen], np.float32),
     }
 
 
