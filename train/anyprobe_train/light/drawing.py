@@ -44,14 +44,13 @@ class MapDrawing(nn.Module):
 
     def __init__(self) -> None:
         super().__init__()
-        at = {rows: torch.from_numpy(pixel_directions(rows)).float() for rows in (MAP_HEIGHT, SOURCE_ROWS, PEAK_ROWS)}
         for name, value in {
-            "solid_angles": _solid_angles(MAP_HEIGHT)[None, None],
-            "directions_of_map": at[MAP_HEIGHT].flatten(0, 1).T,
-            "place_directions": at[SOURCE_ROWS].flatten(0, 1),
-            "ln_place_angles": _solid_angles(SOURCE_ROWS).flatten().log(),
-            "peak_directions": at[PEAK_ROWS].flatten(0, 1),
-            "ln_peak_angles": _solid_angles(PEAK_ROWS).flatten().log(),
+            "solid_angles": solid_angles_of(MAP_HEIGHT)[None, None],
+            "directions_of_map": directions_of(MAP_HEIGHT).T,
+            "place_directions": directions_of(SOURCE_ROWS),
+            "ln_place_angles": solid_angles_of(SOURCE_ROWS).flatten().log(),
+            "peak_directions": directions_of(PEAK_ROWS),
+            "ln_peak_angles": solid_angles_of(PEAK_ROWS).flatten().log(),
         }.items():
             self.register_buffer(name, value.contiguous(), persistent=False)
 
@@ -139,7 +138,17 @@ class MapDrawing(nn.Module):
         return spread / (spread * self.solid_angles).sum(dim=(2, 3), keepdim=True).clamp(min=1e-9)
 
 
-def _solid_angles(rows: int) -> torch.Tensor:
+def directions_of(rows: int) -> torch.Tensor:
+    """Return unit directions [2 rows^2, 3] of a map's pixels."""
+    return torch.from_numpy(pixel_directions(rows)).float().flatten(0, 1)
+
+
+def pictured_directions(rows: int) -> torch.Tensor:
+    """Return unit directions [1, 3, rows, 2 rows] of a map's pixels."""
+    return directions_of(rows).T.unflatten(1, (rows, 2 * rows))[None].contiguous()
+
+
+def solid_angles_of(rows: int) -> torch.Tensor:
     """Return the solid angles [rows, 2 rows] of a map's pixels."""
     return torch.from_numpy(pixel_solid_angles(rows)).float().expand(-1, 2 * rows)
 

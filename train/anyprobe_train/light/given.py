@@ -68,11 +68,7 @@ class Framed:
 def framed(given: Given) -> Framed:
     """Cut the square around the object; around the whole photo where the mask is empty."""
     width, height, _, x0, y0, step = given.geometry.unbind()
-    is_there, box = object_box(given)
-    whole = torch.stack([torch.zeros_like(width), torch.zeros_like(width), width, height])
-    box = is_there * box + (1.0 - is_there) * whole
-    center = (box[:2] + box[2:]) / 2.0
-    side = CROP_MARGIN * (box[2:] - box[:2]).amax()
+    _, center, side = square_around(given)
     start = ((center[0] - side / 2.0 - x0) / step, (center[1] - side / 2.0 - y0) / step)
     masked = torch.cat([given.window[:3] * given.window[3:], given.window[3:]])
     crop = read_window(masked, start, (side / step, side / step), CROP)
@@ -83,14 +79,17 @@ def framed(given: Given) -> Framed:
     )
 
 
-def object_box(given: Given) -> tuple[torch.Tensor, torch.Tensor]:
-    """Return 1 where there is an object, else 0, [], and left, top, right, bottom of its box [full pixels], [4]."""
-    _, _, _, x0, y0, step = given.geometry.unbind()
+def square_around(given: Given) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    """Return whether there is an object [], and the centre [2] and side [] of the square around it, of the whole photo
+    where there is none, full pixels."""
+    width, height, _, x0, y0, step = given.geometry.unbind()
     mask = given.window[3]
     left, right = span(mask.amax(dim=0))
     top, bottom = span(mask.amax(dim=1))
     box = torch.stack([x0 + step * left, y0 + step * top, x0 + step * right, y0 + step * bottom])
-    return (mask.amax() > 0.5).float(), box
+    some = (mask.amax() > 0.5).float()
+    box = some * box + (1.0 - some) * torch.stack([torch.zeros_like(width), torch.zeros_like(width), width, height])
+    return some, (box[:2] + box[2:]) / 2.0, CROP_MARGIN * (box[2:] - box[:2]).amax()
 
 
 def ray_through(given: Given, at: torch.Tensor) -> torch.Tensor:

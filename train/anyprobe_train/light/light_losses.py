@@ -7,11 +7,10 @@ import numpy as np
 import torch
 from torch.nn import functional as F
 
-from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe_train.evaluate.calibration import CLOSE
-from anyprobe_train.light.drawing import PEAK_ROWS, POWER_FLOOR, SLOTS, SOURCE_ROWS
+from anyprobe_train.light.drawing import PEAK_ROWS, POWER_FLOOR, SLOTS, SOURCE_ROWS, directions_of, solid_angles_of
 from anyprobe_train.light.network import NORMALS_SIDE, LightAnswer
 from anyprobe_train.light.pictured import LightTruth
 from anyprobe_train.light.shown import clipped_where_white, display
@@ -68,26 +67,19 @@ class LightLoss:
     """The losses of a LightAnswer, unweighted, by the names of LIGHT_WEIGHTS."""
 
     def __init__(self, device: str = "cpu") -> None:
-        angles = torch.from_numpy(pixel_solid_angles(MAP_HEIGHT)).float().to(device)
-        self.angles = angles.expand(-1, 2 * MAP_HEIGHT)[None, None]
+        self.angles = solid_angles_of(MAP_HEIGHT).to(device)[None, None]
         """Steradians [1, 1, 64, 128]."""
         self.weight = 0.5 + 0.5 * self.angles / self.angles.mean()
         """Weights of pixels, halfway between equal ones and true solid angles."""
         self.luminance = torch.tensor((0.2126, 0.7152, 0.0722), device=device)
-        self._places = self._at(SOURCE_ROWS, device)
-        self._peaks = self._at(PEAK_ROWS, device)
+        self._places, self._peaks = (directions_of(rows).to(device) for rows in (SOURCE_ROWS, PEAK_ROWS))
         blur = torch.exp((self._peaks @ self._peaks.T - 1.0) / (1 - np.cos(np.radians(BLUR_DEG))))
         self._blur = blur / blur.sum(dim=1, keepdim=True)
-        cosine = (self._at(8, device) @ self._places.T).clamp(min=0.0)
-        place_angles = torch.from_numpy(pixel_solid_angles(SOURCE_ROWS)).float().to(device)
-        place_angles = place_angles.expand(-1, 2 * SOURCE_ROWS).flatten()
+        cosine = (directions_of(8).to(device) @ self._places.T).clamp(min=0.0)
+        place_angles = solid_angles_of(SOURCE_ROWS).flatten().to(device)
         self._cosine, self._ln_angles = cosine * place_angles, place_angles.log()
         self._orders = torch.tensor(list(permutations(range(SLOTS))), device=device)
         self._disorder = OUT_OF_ORDER * (self._orders != torch.arange(SLOTS, device=device)).float()
-
-    @staticmethod
-    def _at(rows: int, device: str) -> torch.Tensor:
-        return torch.from_numpy(pixel_directions(rows)).float().flatten(0, 1).to(device)
 
     def __call__(self, guess: LightAnswer, truth: LightTruth) -> dict[str, torch.Tensor]:
         """Compute every loss."""

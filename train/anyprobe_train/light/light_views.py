@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from anyprobe_train.light.given import CROP_MARGIN, SHORTEST, Given, object_box
+from anyprobe_train.light.given import SHORTEST, Given, square_around
 from anyprobe_train.light.network import NORMALS_SIDE, PICTURE_PX, LightInputs
 from anyprobe_train.light.read_windows import read_photo, read_window
 from anyprobe_train.light.seen_on_sphere import SeenOnSphere
@@ -60,13 +60,6 @@ class LightViews(nn.Module):
             sun=given.sun[None],
         )
         return inputs, seen
-
-
-def square_around(given: Given) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-    """Return whether there is an object [], and the centre [2] and side [] of the square around it, full pixels."""
-    some, box = object_box(given)
-    box = torch.where(some > 0, box, torch.tensor([0.0, 0.0, 1.0, 1.0]))
-    return some, (box[:2] + box[2:]) / 2.0, CROP_MARGIN * (box[2:] - box[:2]).amax()
 
 
 def given_normals(given: Given, size: int) -> torch.Tensor:

@@ -12,9 +12,8 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
-from anyprobe.core.latlong import pixel_directions
 from anyprobe.light.environment import MAP_HEIGHT
-from anyprobe_train.light.drawing import LN_MOST, SLOTS, MapDrawing
+from anyprobe_train.light.drawing import LN_MOST, SLOTS, MapDrawing, directions_of, pictured_directions
 from anyprobe_train.light.object_map import ObjectMap
 from anyprobe_train.light.shape import SIDE, CropFrame, ShapeNet, turned_back, turned_towards
 from anyprobe_train.light.shown import inverse_display
@@ -134,11 +133,6 @@ class Tower(nn.Module):
         return fine, middle, self.code(self.deep(middle).contiguous())
 
 
-def _directions(rows: int) -> torch.Tensor:
-    """Return unit directions [1, 3, rows, 2 rows] of a map's pixels."""
-    return torch.from_numpy(pixel_directions(rows)).permute(2, 0, 1)[None].float().contiguous()
-
-
 class LeanNet(nn.Module):
     """LightInputs -> LightAnswer."""
 
@@ -177,11 +171,9 @@ class LeanNet(nn.Module):
         self.of_light = two_layers(said, 3 + 5 * SLOTS + 1 + 3, 128)
         self.of_photo = two_layers(said, 2 + 1 + 5, 64)
         self.drawing = MapDrawing()
-        self.register_buffer("fine_directions", _directions(MAP_HEIGHT // 2), persistent=False)
-        self.register_buffer("lift_directions", _directions(GLOSSY_ROWS).flatten(2)[0].T.contiguous(), persistent=False)
-        self.register_buffer(
-            "coarse_directions", _directions(MATTE_ROWS).flatten(2)[0].T.contiguous(), persistent=False
-        )
+        self.register_buffer("fine_directions", pictured_directions(MAP_HEIGHT // 2), persistent=False)
+        self.register_buffer("lift_directions", directions_of(GLOSSY_ROWS), persistent=False)
+        self.register_buffer("coarse_directions", directions_of(MATTE_ROWS), persistent=False)
         middle_of = (torch.arange(PICTURE_PX) + 0.5) * (2.0 / PICTURE_PX) - 1.0
         grid = torch.stack(
             [middle_of.expand(PICTURE_PX, PICTURE_PX), -middle_of[:, None].expand(PICTURE_PX, PICTURE_PX)]

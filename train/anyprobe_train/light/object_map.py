@@ -8,9 +8,10 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
-from anyprobe.core.latlong import direction_to_uv, pixel_directions
+from anyprobe.core.latlong import direction_to_uv
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.scatter.materials import MATERIAL_INPUTS
+from anyprobe_train.light.drawing import pictured_directions
 from anyprobe_train.light.shape import turned_back
 from anyprobe_train.nets.blocks import UpBlock, conv, two_layers, wrap
 
@@ -52,8 +53,8 @@ class ObjectMap(nn.Module):
         self.seen = nn.ModuleList(conv(b + lifted + (LAID if b == SPHERE_WIDTHS[-1] else 0), b) for _, b in pairs)
         self.finer = nn.ModuleList(UpBlock(b, a) for a, b in reversed(pairs))
         self.last = nn.Conv2d(fine, 4 * 3, 3, padding=1)
-        self.register_buffer("directions", _directions(MAP_HEIGHT), persistent=False)
-        self.register_buffer("coarse_directions", wrap(_directions(MAP_HEIGHT // 2), MARGIN), persistent=False)
+        self.register_buffer("directions", pictured_directions(MAP_HEIGHT), persistent=False)
+        self.register_buffer("coarse_directions", wrap(pictured_directions(MAP_HEIGHT // 2), MARGIN), persistent=False)
 
     def forward(
         self,
@@ -141,7 +142,3 @@ def _joined(x: torch.Tensor, columns: int) -> torch.Tensor:
     first, middle, last = core.split([columns, core.shape[3] - 2 * columns, columns], dim=3)
     fade = 0.5 - (torch.arange(columns, dtype=x.dtype, device=x.device) + 0.5) / (2 * columns)  # 0.5 to 0
     return torch.cat([first + fade * (right - first), middle, last + fade.flip(0) * (left - last)], dim=3)
-
-
-def _directions(rows: int) -> torch.Tensor:
-    return torch.from_numpy(pixel_directions(rows)).permute(2, 0, 1)[None].float().contiguous()

@@ -201,5 +201,5 @@ def toward_source(f, i, number, o):
     away = minus(place, o)
     distance = max(math.sqrt(dot(away, away)), 1.001 * radius)
     sine = radius / distance
-    direction = away[0] / distance, away[1] / distance, away[2] / distance
-    return direction, scaled(math.pi * sine * sine, power), sine / math.sqrt(max(1 - sine * sine, 1e-6)), distance
+    tangent = sine / math.sqrt(max(1 - sine * sine, 1e-6))
+    return scaled(1 / distance, away), scaled(math.pi * sine * sine, power), tangent, distance

@@ -105,15 +105,13 @@ def fall_on(f, i, w, number, o, ways, light, draw, out):
                 body, t = k, away
         sent = row_of(light, m)
         if body >= 0:
-            glow = glow_of(f, i, body)
-            sent = glow[0] * math.pi / GATHERED, glow[1] * math.pi / GATHERED, glow[2] * math.pi / GATHERED
+            sent = scaled(math.pi / GATHERED, glow_of(f, i, body))
         elif panel >= 0:
-            there = times(vector(f, i[at.PANEL] + panel * at.PANEL_SIZE + at.MEAN), grid_at(f, i, panel, at.FREE, x, y))
-            sent = there[0] / GATHERED, there[1] / GATHERED, there[2] / GATHERED
+            mean = vector(f, i[at.PANEL] + panel * at.PANEL_SIZE + at.MEAN)
+            sent = scaled(1 / GATHERED, times(mean, grid_at(f, i, panel, at.FREE, x, y)))
         add_to(out, at.FREE, sent)
         if i[at.BODIES] > 0 and hit_body(f, i, w, 0, o, d, t) >= 0:
-            glow = glow_of(f, i, 0)
-            sent = glow[0] * math.pi / GATHERED, glow[1] * math.pi / GATHERED, glow[2] * math.pi / GATHERED
+            sent = scaled(math.pi / GATHERED, glow_of(f, i, 0))
         add_to(out, at.SOFT, sent)
     out[at.LIT] = out[at.SOFT]
     for s in range(i[at.SOURCE_COUNT]):
@@ -179,18 +177,15 @@ def smooth(grid):
         for a in range(at.GRID_POINTS):
             for b in range(at.GRID_POINTS):
                 for n in range(3):
-                    before, after = (
-                        old[max(a - down, 0), max(b - right, 0), n],
-                        old[min(a + down, last), min(b + right, last), n],
-                    )
+                    before = old[max(a - down, 0), max(b - right, 0), n]
+                    after = old[min(a + down, last), min(b + right, last), n]
                     grid[a, b, n] = 0.25 * (before + 2 * old[a, b, n] + after)
 
 
 @compiled
 def diffuse_of(f, i, q, number, kind, x, y, place):
     """Return the radiance that a panel reflects evenly at x, y on it, a place in the world, by one of its grids."""
-    sent = times(albedo_at(f, i, q, number, x, y, place), grid_at(f, i, number, kind, x, y))
-    return sent[0] / math.pi, sent[1] / math.pi, sent[2] / math.pi
+    return scaled(1 / math.pi, times(albedo_at(f, i, q, number, x, y, place), grid_at(f, i, number, kind, x, y)))
 
 
 @compiled

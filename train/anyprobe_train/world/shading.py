@@ -77,8 +77,8 @@ def received(f, i, w, q, points, normals, bits, directions, sky, seen, out):
                 elif p >= 0 and f[i[at.PANEL] + p * at.PANEL_SIZE + at.GROUND] > 0:
                     light = diffuse_of(f, i, q, p, at.LIT, x, y, moved(o, t, d))
                 elif p >= 0:
-                    there = times(grid_at(f, i, p, at.LIT, x, y), vector(f, i[at.PANEL] + p * at.PANEL_SIZE + at.MEAN))
-                    light = there[0] / math.pi, there[1] / math.pi, there[2] / math.pi
+                    mean = vector(f, i[at.PANEL] + p * at.PANEL_SIZE + at.MEAN)
+                    light = scaled(1 / math.pi, times(grid_at(f, i, p, at.LIT, x, y), mean))
                 else:
                     light = row_of(sky, c)
             lit = moved(lit, cosine, light)
