@@ -9,6 +9,7 @@ from torch.nn import functional as F
 from anyprobe_train.light.drawing import SLOTS, SOURCE_ROWS
 from anyprobe_train.light.network import LeanNet, LightAnswer, LightInputs
 from anyprobe_train.light.pictured import mirrored_inputs
+from anyprobe_train.world.batch import fieldwise
 
 ORDERS = tuple((0, *others) for others in permutations(range(1, SLOTS)))
 """Orders of the mirror image's sources. The first stays the first, as it is drawn in any case: else it would be the
@@ -21,9 +22,7 @@ def both_ways(net: LeanNet, inputs: LightInputs) -> LightAnswer:
     Sources of the mirror image are those whose places are most alike.
     """
     other = mirrored_inputs(inputs)
-    both = LightInputs(
-        **{one.name: torch.cat([getattr(inputs, one.name), getattr(other, one.name)]) for one in fields(LightInputs)}
-    )
+    both = fieldwise(lambda here, there: torch.cat([here, there]), inputs, other)
     answer, count = net(both), len(inputs.lens)
 
     def half(rows: slice) -> dict[str, torch.Tensor]:

@@ -1,9 +1,9 @@
 """Scores of the light network on photos that are left out: path-traced ones, and four cross sets of the fast world."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import fields, replace
+from dataclasses import fields
+from operator import itemgetter
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
@@ -16,7 +16,7 @@ from anyprobe_train.light.both_ways import both_ways
 from anyprobe_train.light.drawing import NEAR_DEG
 from anyprobe_train.light.network import LeanNet, LightAnswer, LightInputs
 from anyprobe_train.light.pictured import LightTruth, seen_again, tensors_of, without_object
-from anyprobe_train.world.batch import PHOTO_FAMILIES, LightBatch, World, make_batch
+from anyprobe_train.world.batch import PHOTO_FAMILIES, LightBatch, World, fieldwise, make_batch
 
 WITHOUT = 100
 """Photos of which the object is left out, too."""
@@ -40,7 +40,7 @@ def answers(net: LeanNet, inputs: LightInputs) -> Iterator[LightAnswer]:
     was_training = net.training
     net.eval()
     for start in range(0, len(inputs.lens), AT_ONCE):
-        yield both_ways(net, _picked(inputs, slice(start, start + AT_ONCE)))
+        yield both_ways(net, fieldwise(itemgetter(slice(start, start + AT_ONCE)), inputs))
     net.train(was_training)
 
 
@@ -108,10 +108,10 @@ def score_whole_photos(net: LeanNet, batches: list[LightBatch]) -> dict[str, flo
         rows += rows_of(net, inputs, truth)
         whole = truth.family < PHOTO_FAMILIES.index("cut_out")
         if len(without) < WITHOUT and whole.any():
-            some = torch.nonzero(whole)[: WITHOUT - len(without), 0]
-            every = torch.ones_like(some, dtype=torch.bool)
-            bare = seen_again(without_object(_picked(inputs, some), every))
-            without += rows_of(net, bare, _picked(truth, some))
+            some = itemgetter(torch.nonzero(whole)[: WITHOUT - len(without), 0])
+            inputs, truth = fieldwise(some, inputs), fieldwise(some, truth)
+            every = torch.ones_like(truth.family, dtype=torch.bool)
+            without += rows_of(net, seen_again(without_object(inputs, every)), truth)
     whole_rows = [row for row in rows if row["family"] < PHOTO_FAMILIES.index("cut_out")]
     found = summary(whole_rows, "")
     parts = {name: [row for row in rows if row["family"] == number] for number, name in enumerate(PHOTO_FAMILIES)}
@@ -119,10 +119,6 @@ def score_whole_photos(net: LeanNet, batches: list[LightBatch]) -> dict[str, flo
         short = summary(own, f"{name}_") if own else {}
         found |= {key: short[key] for key in short if key.endswith(("_ldr_rmse", "_dominant_deg"))}
     return found
-
-
-def _picked(record: Any, rows: torch.Tensor | slice) -> Any:
-    return replace(record, **{name: getattr(record, name)[rows] for name in type(record).__slots__})
 
 
 def left_out_scores(folder: Path, data: Path, cache: Path) -> Callable[[LeanNet], dict[str, float]]:

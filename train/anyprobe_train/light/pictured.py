@@ -1,7 +1,7 @@
 """Batches of the world as the network sees them in training: in mirrors, and with some of what is known left out."""
 
 import functools
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from anyprobe.scatter.materials import LEAST_REFLECTANCE, MATERIAL_INPUTS
 from anyprobe_train.light.network import LightInputs
 from anyprobe_train.light.seen_on_sphere import SeenOnSphere
 from anyprobe_train.light.shape import CROP_PX
+from anyprobe_train.world.batch import fieldwise
 
 NO_OBJECT, NO_PLACE, PLAIN = 0.08, 0.08, 0.5
 """Shares of photos whose object, or surroundings, are left out, and of the latter those that one colour replaces."""
@@ -110,16 +111,6 @@ def _other_side(vectors: torch.Tensor) -> torch.Tensor:
     return vectors * vectors.new_tensor([-1.0, 1.0, 1.0])
 
 
-def _either(some: torch.Tensor, first: Any, second: Any) -> Any:
-    """Return a record whose rows are those of the first where some [N], else of the second."""
-
-    def of(name: str) -> torch.Tensor:
-        a, b = getattr(first, name), getattr(second, name)
-        return torch.where(some.view(-1, *[1] * (a.dim() - 1)), a, b)
-
-    return type(first)(**{one.name: of(one.name) for one in fields(first)})
-
-
 def learned(inputs: LightInputs, truth: LightTruth, seed: tuple[int, int]) -> tuple[LightInputs, LightTruth]:
     """Return a batch as a step of training sees it: mirrored, left out and given by chance; a function of the seed."""
     rng = np.random.default_rng((*seed, 29))
@@ -132,8 +123,12 @@ def learned(inputs: LightInputs, truth: LightTruth, seed: tuple[int, int]) -> tu
         return torch.from_numpy(rng.normal(size=(count, *shape))).float().to(device)
 
     flipped = some(0.5)
-    inputs = _either(flipped, mirrored_inputs(inputs), inputs)
-    truth = _either(flipped, mirrored_truth(truth), truth)
+
+    def either(there: torch.Tensor, here: torch.Tensor) -> torch.Tensor:
+        return torch.where(flipped.view(-1, *[1] * (here.dim() - 1)), there, here)
+
+    inputs = fieldwise(either, mirrored_inputs(inputs), inputs)
+    truth = fieldwise(either, mirrored_truth(truth), truth)
     inputs = _given(inputs, truth, some, normal)
     gone = some(NO_OBJECT) & (inputs.seen[:, 3].amax(dim=(1, 2)) > 0) & (truth.family != CUT_OUT)
     inputs = without_object(inputs, gone)

@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
 
 from anyprobe_train.light.left_out_light import kept_batches
-from anyprobe_train.world.batch import LightBatch
+from anyprobe_train.world.batch import LightBatch, fieldwise
 
 SHARE = 0.6
 """Share of path-traced photos in a batch, where there are any."""
-NAMES = tuple(one.name for one in fields(LightBatch))
 
 
 def traced_photos(folder: Path) -> LightBatch | None:
     """Return the photos that `python -m research.scenes light-pairs` kept in a folder; None where there are none."""
     kept = kept_batches(folder)
-    if not kept:
-        return None
-    return LightBatch(**{name: np.concatenate([getattr(part, name) for part in kept]) for name in NAMES})
+    return fieldwise(lambda *parts: np.concatenate(parts), *kept) if kept else None
 
 
 def with_traced(batch: LightBatch, traced: LightBatch | None, size: int, seed: tuple[int, int]) -> LightBatch:
@@ -28,5 +24,4 @@ def with_traced(batch: LightBatch, traced: LightBatch | None, size: int, seed: t
     if traced is None:
         return batch
     rows = np.random.default_rng((*seed, 31)).choice(len(traced.family), size - len(batch.family))
-    values = {name: [getattr(batch, name), getattr(traced, name)[rows]] for name in NAMES}
-    return LightBatch(**{name: np.concatenate(both) for name, both in values.items()})
+    return fieldwise(lambda made, more: np.concatenate([made, more[rows]]), batch, traced)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any, TypeVar
 
 import cv2
 import numpy as np
@@ -38,6 +40,7 @@ from anyprobe_train.world.shading import picture
 from anyprobe_train.world.views import CAMERAS, SHAPES, Views, shape_files
 from anyprobe_train.world.windows import Window, window_resampled
 
+Record = TypeVar("Record")
 PHOTO_FAMILIES = ("ground", "table", "things", "dark", "procedural", "cut_out", "no_object")
 SHARES = (0.22, 0.18, 0.17, 0.09, 0.08, 0.21, 0.05)
 LIGHT_OF = {"ground": "ground", "table": "real", "things": "real", "dark": "dark", "procedural": "procedural"}
@@ -92,6 +95,12 @@ class LightBatch:
     soft: np.ndarray
     outdoors: np.ndarray
     family: np.ndarray
+
+
+def fieldwise(make: Callable[..., Any], *records: Record) -> Record:
+    """Return a record of what a function makes of each field of some of its kind."""
+    names = [one.name for one in fields(records[0])]  # type: ignore[arg-type]
+    return type(records[0])(**{name: make(*(getattr(one, name) for one in records)) for name in names})
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

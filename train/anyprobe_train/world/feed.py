@@ -8,7 +8,6 @@ import signal
 from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
-from dataclasses import fields
 from itertools import count
 from multiprocessing import get_context
 from pathlib import Path
@@ -16,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from anyprobe_train.world.batch import LightBatch, World, make_batch
+from anyprobe_train.world.batch import LightBatch, World, fieldwise, make_batch
 
 SEEN = 4
 """Rounds in which each photo is seen, and groups in memory."""
@@ -62,12 +61,7 @@ def feed(
             for start in range(offset * size, len(order), size):
                 which, row = np.divmod(order[start : start + size], size)
                 chosen = list(zip(which, row, strict=True))
-                yield LightBatch(
-                    **{
-                        one.name: np.stack([getattr(batches[a], one.name)[b] for a, b in chosen])
-                        for one in fields(LightBatch)
-                    }
-                )
+                yield fieldwise(lambda *values, chosen=chosen: np.stack([values[a][b] for a, b in chosen]), *batches)
             offset = 0
             coming.append(asked(number + 2))
     finally:
