@@ -16,7 +16,7 @@ from support.polyhaven_server import PolyHaven
 from anyprobe.cli.app import main
 from anyprobe.maps.radiance import write_hdr
 from anyprobe_train.assets import download, frozen_set
-from anyprobe_train.assets.frozen_set import FrozenFile, frozen_files, merged, ply, read_obj, small_map, turned
+from anyprobe_train.assets.frozen_set import frozen_files, merged, ply, read_obj, small_map, turned
 from anyprobe_train.cli.data import app
 from anyprobe_train.dataset.catalog import file_id, load_maps, load_shapes
 from anyprobe_train.dataset.recipe import read_recipes
@@ -98,7 +98,7 @@ def test_what_can_be_had_is_made_and_the_rest_named(site, tmp_path, capsys):
     (corner,) = load_shapes(to / "meshes" / "test")
     assert corner.licence == "CC BY 4.0; Jane Doe"
     for file in frozen_set.frozen_files()[:2]:
-        assert file_id(to / file.file) == file.sha256[:8]
+        assert file_id(to / file["file"]) == file["sha256"][:8]
     assert not list(to.rglob("*.part"))
     asked = len(site.requests)
     assert fetch(site, to) == 0
@@ -123,14 +123,13 @@ def test_maps_are_means_and_what_is_no_light_is_black(tmp_path):
 
 def test_the_table_is_that_of_the_frozen_recipes():
     rows = frozen_files()
-    assert all(isinstance(row, FrozenFile) for row in rows)
-    named = {row.sha256[:8] for row in rows}
+    named = {row["sha256"][:8] for row in rows}
     assert named == {key for recipe in read_recipes(FROZEN) for key in (recipe.map_id, recipe.shape_id)}
-    assert sum(not row.md5 for row in rows) == 7
-    assert all(row.md5 for row in rows if row.file.startswith("hdri/"))
+    assert sum(not row["md5"] for row in rows) == 7
+    assert all(row["md5"] for row in rows if row["file"].startswith("hdri/"))
 
 
 @pytest.mark.skipif(not (DATA / "hdri" / "test").is_dir(), reason="needs the test assets")
 def test_the_table_has_the_sha256_of_the_files():
     for row in frozen_files():
-        assert hashlib.sha256((DATA / row.file).read_bytes()).hexdigest() == row.sha256
+        assert hashlib.sha256((DATA / row["file"]).read_bytes()).hexdigest() == row["sha256"]

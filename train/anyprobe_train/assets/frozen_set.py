@@ -11,7 +11,6 @@ anew: what decimated them, or closed their holes, was not recorded.
 import csv
 import hashlib
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -24,6 +23,7 @@ from anyprobe.maps.exr import read_exr
 from anyprobe.maps.radiance import decode_hdr
 from anyprobe_train.assets.download import Client, DownloadError, Fetch, RemoteFile
 from anyprobe_train.assets.manifest import Manifest
+from anyprobe_train.dataset.catalog import Row
 from anyprobe_train.dataset.recipe import digest, read_recipes
 from anyprobe_train.evaluate.scoring import FROZEN
 
@@ -39,89 +39,69 @@ GRID = 1e-5
 """Vertices of a source that fall into one cell are one, in lengths of the longest side."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class FrozenFile:
-    """A row of the table.
+def frozen_files(table: Path = TABLE) -> list[Row]:
+    """Every row of the table.
 
-    file: in DIR. md5: of the source, empty where the file cannot be made anew; sha256: of the file.
-    axes: of a shape, which of the source's axes are x, y and z, as "x z -y". centre, radius: of the sphere, in the
-    turned source, that becomes the unit sphere.
+    file: in DIR. md5: of the source, empty where the file cannot be made anew; sha256: of the file. axes: of a shape,
+    which of the source's axes are x, y and z, as "x z -y". centre, radius: of the sphere, in the turned source, that
+    becomes the unit sphere.
     """
-
-    file: str
-    category: str
-    licence: str
-    repository: str
-    commit: str
-    path: str
-    md5: str
-    sha256: str
-    axes: str
-    centre: str
-    radius: str
-
-    @property
-    def source(self) -> str:
-        return f"{self.repository}: {self.path}"
-
-
-def frozen_files(table: Path = TABLE) -> list[FrozenFile]:
-    """Every row of the table."""
     with table.open(newline="", encoding="utf-8") as stream:
-        return [FrozenFile(**row) for row in csv.DictReader(stream)]
+        return list(csv.DictReader(stream))
 
 
-def fetch_all(files: list[FrozenFile], to: Path, client: Client, host: str = HOST) -> Iterator[Fetch]:
+def fetch_all(files: list[Row], to: Path, client: Client, host: str = HOST) -> Iterator[Fetch]:
     """Yield what makes each file, in turn; then write the recipes that the files suffice for."""
     there: set[str] = set()
     for one in files:
-        yield one.file, partial(_fetch, one, to, client, host)
+        yield one["file"], partial(_fetch, one, to, client, host)
         if _is_whole(one, to):
-            there.add(one.sha256[:8])
+            there.add(one["sha256"][:8])
     recipes = [one for one in read_recipes(FROZEN) if {one.map_id, one.shape_id} <= there]
     lines = [f"# {digest(recipes)}", *(one.to_hex() for one in recipes)]
     with atomic_path(to / RECIPES) as temporary:
         temporary.write_text("\n".join(lines) + "\n", encoding="ascii")
 
 
-def _is_whole(one: FrozenFile, to: Path) -> bool:
-    target = to / one.file
-    return target.is_file() and hashlib.sha256(target.read_bytes()).hexdigest() == one.sha256
+def _is_whole(one: Row, to: Path) -> bool:
+    target = to / one["file"]
+    return target.is_file() and hashlib.sha256(target.read_bytes()).hexdigest() == one["sha256"]
 
 
-def _fetch(one: FrozenFile, to: Path, client: Client, host: str) -> str:
+def _fetch(one: Row, to: Path, client: Client, host: str) -> str:
+    source = f"{one['repository']}: {one['path']}"
     if _is_whole(one, to):
         return "complete"
-    if not one.md5:
-        return f"cannot be had: prepared by software that was not recorded, from {one.source}"
-    target, url = to / one.file, f"{host.rstrip('/')}/{one.repository}/{one.commit}/{one.path}"
-    data = client.download(RemoteFile(url=url, md5=one.md5))
+    if not one["md5"]:
+        return f"cannot be had: prepared by software that was not recorded, from {source}"
+    target, url = to / one["file"], "/".join([host.rstrip("/"), one["repository"], one["commit"], one["path"]])
+    data = client.download(RemoteFile(url=url, md5=one["md5"]))
     with atomic_path(target) as temporary:
         (_make_map if target.suffix == ".exr" else _make_shape)(one, data, temporary)
         found = hashlib.sha256(temporary.read_bytes()).hexdigest()
-        if found != one.sha256:
+        if found != one["sha256"]:
             raise DownloadError(
-                f"expected SHA-256 {one.sha256} after conversion, got {found}; OpenEXR or NumPy of this machine "
+                f"expected SHA-256 {one['sha256']} after conversion, got {found}; OpenEXR or NumPy of this machine "
                 "write other bytes"
             )
-        manifest = Manifest(to / Path(one.file).parts[0] / "manifest.csv", COLUMNS)
-        name = "/".join(Path(one.file).parts[1:])
-        row = {"file": name, "category": one.category, "licence": one.licence, "source": one.source}
-        manifest.put(row | {"url": url, "md5": one.md5, "split": "test"})
+        manifest = Manifest(to / Path(one["file"]).parts[0] / "manifest.csv", COLUMNS)
+        name = "/".join(Path(one["file"]).parts[1:])
+        row = {"file": name, "category": one["category"], "licence": one["licence"], "source": source}
+        manifest.put(row | {"url": url, "md5": one["md5"], "split": "test"})
     return "fetched"
 
 
-def _make_map(one: FrozenFile, data: bytes, target: Path) -> None:
-    pixels = small_map(data, Path(one.path).name)
+def _make_map(one: Row, data: bytes, target: Path) -> None:
+    pixels = small_map(data, Path(one["path"]).name)
     header = {"compression": OpenEXR.PIZ_COMPRESSION, "type": OpenEXR.scanlineimage}
     channels = {name: np.ascontiguousarray(pixels[..., i]) for i, name in enumerate("RGB")}
     OpenEXR.File(header, channels).write(str(target))
 
 
-def _make_shape(one: FrozenFile, data: bytes, target: Path) -> None:
-    vertices, faces = merged(*read_obj(data, Path(one.path).name))
-    centre = np.array([float(x) for x in one.centre.split()])
-    target.write_bytes(ply((turned(vertices, one.axes) - centre) / float(one.radius), faces))
+def _make_shape(one: Row, data: bytes, target: Path) -> None:
+    vertices, faces = merged(*read_obj(data, Path(one["path"]).name))
+    centre = np.array([float(x) for x in one["centre"].split()])
+    target.write_bytes(ply((turned(vertices, one["axes"]) - centre) / float(one["radius"]), faces))
 
 
 def small_map(data: bytes, name: str) -> np.ndarray:

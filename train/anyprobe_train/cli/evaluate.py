@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import numpy as np
 from cyclopts import Parameter
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import track
 from rich.table import Table
 
 from anyprobe.cli.app import print_table
@@ -108,22 +108,14 @@ def evaluate(
     if write_photos is None:
         methods = _judged(predictions, [one.key for one in chosen], model, title, hints) | baselines()
         methods |= truth_methods()
-    columns = (TextColumn("evaluating"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console) as progress:
-        task = progress.add_task("", total=len(chosen))
-
-        def rendered() -> Iterator[Pair]:
-            for recipe in chosen:
-                yield render_pair(recipe, store, trace)
-                progress.advance(task)
-
-        if write_photos is None:
-            watch = Watch(methods, title, len(chosen))
-            scores = score_pairs(rendered(), methods, watch=watch)
-        else:
-            with atomic_files(write_photos) as scratch:  # all of them, or none
-                for pair in rendered():
-                    write_pair(scratch, pair)
+    rendered = (render_pair(one, store, trace) for one in track(chosen, "evaluating", console=console))
+    if write_photos is None:
+        watch = Watch(methods, title, len(chosen))
+        scores = score_pairs(rendered, methods, watch=watch)
+    else:
+        with atomic_files(write_photos) as scratch:  # all of them, or none
+            for pair in rendered:
+                write_pair(scratch, pair)
     if write_photos is not None:
         console.print(f"{write_photos}: {len(chosen)} photos; write the maps into another folder, named by key")
         return
