@@ -53,28 +53,47 @@ MaskBatch = tuple[torch.Tensor, ...]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Amounts:
-    """How much a run draws, all by a seed: photos a step, each of a random scene with so many prompts; scenes that are
-    kept, and how many of them are new at each step."""
+class MaskRunConfig:
+    """Settings of a run.
+
+    seed, batch, prompts, scenes, fresh: how much is drawn, all by a seed: photos a step, each of a random scene with so
+    many prompts; scenes that are kept, and how many of them are new at each step.
+
+    name: of the run's folder; the learning rate rises over warmup steps and falls over the last cooldown share.
+
+    small: side of the pictures in the first small_steps steps, which cost a third there and teach what an
+    object is as well; the rest are at full size and teach its edge. averaged: decay of the running mean of the
+    weights, which is what is exported. views: files of views of the world that the first scenes are drawn from.
+    """
 
     seed: int = 5
     batch: int = 16
     prompts: int = 2
     scenes: int = 320
     fresh: int = 1
+    name: str = "mask"
+    steps: int = 9_000
+    small: int = 96
+    small_steps: int = 4_500
+    learning_rate: float = 1e-3
+    weight_decay: float = 1e-4
+    warmup: int = 50
+    cooldown: float = 0.7
+    averaged: float = 0.998
+    views: int = 32
 
 
-def mask_batches(world: World, amounts: Amounts, first: int, last: int) -> Iterator[MaskBatch]:
+def mask_batches(world: World, config: MaskRunConfig, first: int, last: int) -> Iterator[MaskBatch]:
     """Yield the examples of steps from a first to a last: each a function of its number."""
     scenes: dict[int, Scene] = {}
     for step in range(first, last):
-        begin = step * amounts.fresh
-        wanted = range(begin, begin + amounts.scenes)
-        scenes = {k: scenes.get(k) or draw_scene(world, amounts.seed, k) for k in wanted}
-        rng = np.random.default_rng((amounts.seed, 5, step))
+        begin = step * config.fresh
+        wanted = range(begin, begin + config.scenes)
+        scenes = {k: scenes.get(k) or draw_scene(world, config.seed, k) for k in wanted}
+        rng = np.random.default_rng((config.seed, 5, step))
         photos, prompts, masks = [], [], []
-        for number in rng.integers(amounts.scenes, size=amounts.batch):
-            photo, asked = _examples(rng, scenes[begin + int(number)], amounts.prompts)
+        for number in rng.integers(config.scenes, size=config.batch):
+            photo, asked = _examples(rng, scenes[begin + int(number)], config.prompts)
             photos.append(photo.transpose(2, 0, 1))
             prompts.append([prompt for prompt, _ in asked])
             masks.append([mask for _, mask in asked])

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -10,35 +10,12 @@ import torch
 from torch.nn import functional as F
 
 from anyprobe.errors import InputError
-from anyprobe_train.mask_network.examples import Amounts, MaskBatch, mask_batches
+from anyprobe_train.mask_network.examples import MaskBatch, MaskRunConfig, mask_batches
 from anyprobe_train.mask_network.mask_net import MaskNet
 from anyprobe_train.nets.blocks import autocast
 from anyprobe_train.train.checkpoint import load_weights, read_checkpoint
 from anyprobe_train.train.loop import learn
 from anyprobe_train.world.batch import World, assets_of
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class MaskRunConfig(Amounts):
-    """Settings of a run.
-
-    name: of the run's folder; the learning rate rises over warmup steps and falls over the last cooldown share.
-
-    small: side of the pictures in the first small_steps steps, which cost a third there and teach what an
-    object is as well; the rest are at full size and teach its edge. averaged: decay of the running mean of the
-    weights, which is what is exported. views: files of views of the world that the first scenes are drawn from.
-    """
-
-    name: str = "mask"
-    steps: int = 9_000
-    small: int = 96
-    small_steps: int = 4_500
-    learning_rate: float = 1e-3
-    weight_decay: float = 1e-4
-    warmup: int = 50
-    cooldown: float = 0.7
-    averaged: float = 0.998
-    views: int = 32
 
 
 def small_mask_run(config: MaskRunConfig, steps: int) -> MaskRunConfig:
