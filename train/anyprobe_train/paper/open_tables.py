@@ -5,7 +5,7 @@ from pathlib import Path
 
 from anyprobe_train.dataset.asset_store import load_asset_store
 from anyprobe_train.paper.settings import Setting
-from anyprobe_train.paper.tables import FRAMES, Tables, build_tables, cached_tables
+from anyprobe_train.paper.tables import FRAMES, Tables, build_tables, read_tables
 
 OWN_SHAPES = 8
 """Procedural shapes of a split that has no others."""
@@ -21,8 +21,8 @@ def open_tables(
     data: folder with hdri/ and meshes/; without it all maps and shapes are procedural.
     """
 
-    def build(folder: Path) -> None:
-        training = split != "test"
+    folder, training = runs / "tables" / split, split != "test"
+    if not (folder / "about.json").is_file():
         store = load_asset_store(
             data,
             "train" if training else "test",
@@ -37,5 +37,4 @@ def open_tables(
         if report is not None:
             report(f"{split}: shading {len(measured)} measured and {len(own)} procedural maps, {len(shapes)} shapes")
         build_tables(folder, setting, measured + own, shapes, SPLITS[split])
-
-    return cached_tables(runs / "tables" / split, build)
+    return read_tables(folder)

@@ -7,7 +7,7 @@ has, from every camera. Object and map turn together, as in the paper, which ren
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -134,10 +134,8 @@ def _file(folder: Path, name: str, kind: type, shape: tuple[int, ...]) -> np.nda
     return np.lib.format.open_memmap(folder / f"{name}.npy", mode="w+", dtype=kind, shape=shape)
 
 
-def cached_tables(folder: Path, build: Callable[[Path], None]) -> Tables:
-    """Read tables from a folder, built first if there are none; processes share them by the page cache."""
-    if not (folder / "about.json").is_file():
-        build(folder)
+def read_tables(folder: Path) -> Tables:
+    """Read what build_tables wrote; processes share it by the page cache."""
     about = json.loads((folder / "about.json").read_text(encoding="utf-8"))
 
     def stored(name: str) -> torch.Tensor:
