@@ -16,16 +16,8 @@ from anyprobe_train.world.kernels import light_panels
 from anyprobe_train.world.layout import Layout, Standing, build_scene
 from anyprobe_train.world.maps import Maps
 from anyprobe_train.world.scene import BODY, BODY_SIZE, EYE, GLOW, SKY_ROWS, TEXELS, TracedScene
-from anyprobe_train.world.shading import received, seen_along, shade_object
-from anyprobe_train.world.views import (
-    COARSE,
-    SEEN_PX,
-    VIEW_AZIMUTHS,
-    VIEW_RINGS,
-    cell_middles,
-    cell_numbers,
-    view_points,
-)
+from anyprobe_train.world.shading import cell_of, received, seen_along, shade_object
+from anyprobe_train.world.views import COARSE, SEEN_PX, VIEW_AZIMUTHS, VIEW_RINGS, cell_middles, view_points
 from anyprobe_train.world.windows import Window, warped
 
 SQUARE_PX = 96
@@ -69,13 +61,12 @@ class Frame:
 class Seen:
     """The object as a view shows it, in the scene's units.
 
-    radiance: [SEEN_PX, SEEN_PX, 3]; cover: [SEEN_PX, SEEN_PX] in [0, 1]; covered: their product and cover [SEEN_PX,
-    SEEN_PX, 4]; camera, tangent: of the view, as the photo's eye sees it.
+    radiance: [SEEN_PX, SEEN_PX, 3]; cover: [SEEN_PX, SEEN_PX] in [0, 1]; camera, tangent: of the view, as the photo's
+    eye sees it.
     """
 
     radiance: np.ndarray
     cover: np.ndarray
-    covered: np.ndarray
     camera: np.ndarray
     tangent: float
 
@@ -163,8 +154,7 @@ def see_object(
     shown[rows, columns] = radiance
     cover = view["cover"].astype(np.float32) / 255
     glow = places[BODY] + GLOW
-    covered = np.dstack([shown * cover[..., None], cover])
-    numbers[glow : glow + 3] = covered[..., :3].sum(axis=(0, 1)) / max(float(cover.sum()), 1e-6)
+    numbers[glow : glow + 3] = (shown * cover[..., None]).sum(axis=(0, 1)) / max(float(cover.sum()), 1e-6)
     camera, tangent = view["camera"].astype(np.float64), float(view["tangent"])
     if standing.place.any():  # seen from the photo's eye as its own camera saw it
         toward = center - scene.numbers[EYE : EYE + 3]
@@ -172,7 +162,7 @@ def see_object(
         camera = aimed(toward / away, np.zeros(2), 0.0)
         own = float(np.linalg.norm(view["eye"] - [0.0, float(view["top"]) / 2, 0.0]))
         tangent *= own * standing.scale / away
-    return Seen(radiance=shown, cover=cover, covered=covered, camera=camera, tangent=tangent)
+    return Seen(radiance=shown, cover=cover, camera=camera, tangent=tangent)
 
 
 def _near(bits: np.ndarray, turn: float) -> np.ndarray:
@@ -235,7 +225,11 @@ def _cell_weights() -> np.ndarray:
     weights = np.zeros((VIEW_RINGS * VIEW_AZIMUTHS, CELL_ROWS * 2 * CELL_ROWS), np.float64)
     row, column = (one // times for one in np.mgrid[: CELL_ROWS * times, : 2 * CELL_ROWS * times])
     solid = np.broadcast_to(pixel_solid_angles(CELL_ROWS * times), row.shape)
-    np.add.at(weights, (cell_numbers(d).ravel(), (row * 2 * CELL_ROWS + column).ravel()), solid.ravel())
+    np.add.at(
+        weights,
+        (np.array([cell_of(tuple(one)) for one in d.reshape(-1, 3)]), (row * 2 * CELL_ROWS + column).ravel()),
+        solid.ravel(),
+    )
     return (weights / weights.sum(axis=1, keepdims=True)).astype(np.float32)
 
 
@@ -277,7 +271,8 @@ def plane_box(seen: Seen, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
 
 def object_over(seen: Seen, frame: Frame, window: Window, size: int) -> np.ndarray:
     """Return premultiplied radiance and cover of the object over a window of the photo's plane, [size, size, 4]."""
-    return over_window(seen.covered, seen, frame, window, size)
+    covered = np.dstack([seen.radiance * seen.cover[..., None], seen.cover])
+    return over_window(covered, seen, frame, window, size)
 
 
 def share_in_photo(frame: Frame, window: Window, size: int = SQUARE_PX) -> np.ndarray:

@@ -86,13 +86,6 @@ def cell_middles() -> np.ndarray:
     return np.stack([cosine * np.sin(angle), sine, -cosine * np.cos(angle)], axis=-1).astype(np.float32)
 
 
-def cell_numbers(directions: np.ndarray) -> np.ndarray:
-    """Return the cells that unit directions [..., 3] lie in."""
-    ring = np.clip(((directions[..., 1] + 1) / 2 * VIEW_RINGS).astype(int), 0, VIEW_RINGS - 1)
-    angle = np.arctan2(directions[..., 0], -directions[..., 2]) / (2 * np.pi)
-    return ring * VIEW_AZIMUTHS + np.clip((angle % 1.0 * VIEW_AZIMUTHS).astype(int), 0, VIEW_AZIMUTHS - 1)
-
-
 def draw_mesh(files: ShapeFiles, rng: np.random.Generator) -> Mesh:
     """Draw a shape, in the unit sphere."""
     kind = rng.choice(len(KINDS), p=KINDS) if files.part == "train" else 0
