@@ -28,8 +28,9 @@ def paper(
     """Train the paper's networks as it does, and write its Table 1. Resumes exactly; SIGTERM saves first."""
     need_torch("training")
     from anyprobe_train.paper.pieces import PIECES
-    from anyprobe_train.paper.reproduce import reproduce, write_table_1
+    from anyprobe_train.paper.reproduce import reproduce
     from anyprobe_train.paper.settings import setting_named
+    from anyprobe_train.paper.table_1 import write_table
 
     chosen, names = setting_named(setting), [piece.name for piece in PIECES]
     if only and only not in names:
@@ -50,6 +51,6 @@ def paper(
         for line in (*lines, path):
             print(line)
     elif table:
-        print(write_table_1(data, runs, chosen, threads=threads))
+        print(write_table(data, runs, chosen, threads=threads))
     elif not reproduce(data, runs, chosen, threads=threads, device=device, only=only, stop=stop):
         sys.exit(143)

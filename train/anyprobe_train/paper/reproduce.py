@@ -45,14 +45,5 @@ def reproduce(
                 say(f"{piece.name}: stopped; the same command goes on")
                 return False
     if not only and stop is None:
-        say(write_table_1(data, runs, setting, threads=threads, say=say))
+        say(write_table(data, runs, setting, threads=threads, say=say))
     return True
-
-
-def write_table_1(
-    data: Path | None, runs: Path, setting: Setting, *, threads: int = 1, say: Callable[[str], None] = print_now
-) -> str:
-    """Score the designs that are trained; return runs/table_1.md."""
-    torch.set_num_threads(threads)
-    seen, test = (open_tables(data, runs, setting, split, say) for split in ("train", "test"))
-    return write_table(runs, setting, seen, test, count=setting.table_pairs)

@@ -1,6 +1,6 @@
 """Table 1: the four designs on the same test pairs, beside what needs no network."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -15,6 +15,7 @@ from anyprobe.paper.chain import estimate_light
 from anyprobe_train.evaluate.metrics import psnr, rmse, ssim
 from anyprobe_train.evaluate.standard_errors import clustered_error
 from anyprobe_train.paper.networks import in_chain, ln_of_scaled, scaled_ln
+from anyprobe_train.paper.open_tables import open_tables
 from anyprobe_train.paper.pairs import PaperPairs, balanced
 from anyprobe_train.paper.pieces import piece_named
 from anyprobe_train.paper.scores import blocks
@@ -131,9 +132,14 @@ def verdict(mean: float, reach: float) -> str:
     return "open" if abs(mean) <= reach else "decided" if mean > 0 else "reversed"
 
 
-def write_table(runs: Path, setting: Setting, seen: Tables, test: Tables, count: int = 1000) -> str:
-    """Score, and write runs/table_1.md and, pair by pair, runs/table_1.npz."""
-    mean_map = seen.mean_map()
+def write_table(
+    data: Path | None, runs: Path, setting: Setting, *, threads: int = 1, say: Callable[[str], None] | None = None
+) -> str:
+    """Score the designs that are trained, and write runs/table_1.md, which is returned, and, pair by pair,
+    runs/table_1.npz."""
+    torch.set_num_threads(threads)
+    seen, test = (open_tables(data, runs, setting, split, say) for split in ("train", "test"))
+    mean_map, count = seen.mean_map(), setting.table_pairs
     rows = [score_designs(runs, setting, tables, mean_map, count) for tables in (test, seen)]
     text = table(*rows)
     with atomic_path(runs / "table_1.md") as path:
