@@ -32,12 +32,9 @@ def narrow(mask: np.ndarray, pixels: int) -> np.ndarray:
 
 def shift(mask: np.ndarray, right: int, down: int) -> np.ndarray:
     """Shift a mask by whole pixels; pixels that leave the picture are lost."""
-    height, width = mask.shape
-    moved = np.zeros_like(mask)
-    moved[max(down, 0) : height + min(down, 0), max(right, 0) : width + min(right, 0)] = mask[
-        max(-down, 0) : height + min(-down, 0), max(-right, 0) : width + min(-right, 0)
-    ]
-    return moved
+    reach = max(abs(right), abs(down))
+    top, left = reach - down, reach - right
+    return np.pad(mask, reach)[top : top + mask.shape[0], left : left + mask.shape[1]]
 
 
 def fray(mask: np.ndarray, sigma: float, depth: float, rng: np.random.Generator) -> np.ndarray:

@@ -56,12 +56,8 @@ def ssim(a: np.ndarray, b: np.ndarray) -> float:
     sample correction). Only windows that lie in the picture count.
     """
     a, b = (np.asarray(image, np.float64) for image in (a, b))
-    if a.shape != b.shape:
-        raise ValueError(f"expected two pictures of one shape, got {a.shape} and {b.shape}")
     if a.ndim == 2:
         a, b = a[..., None], b[..., None]
-    if min(a.shape[:2]) <= 2 * SSIM_RADIUS:
-        raise ValueError(f"expected at least 11 x 11 pixels, got {a.shape[0]} x {a.shape[1]}")
     mean_a, mean_b = _window_mean(a), _window_mean(b)
     variance_a = _window_mean(a * a) - mean_a**2
     variance_b = _window_mean(b * b) - mean_b**2
