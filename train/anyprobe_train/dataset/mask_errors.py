@@ -1,7 +1,6 @@
 """Errors of masks cut out of photos: too wide, too narrow, ragged, shifted, pierced, cut off."""
 
 import numpy as np
-from PIL import Image, ImageFilter
 
 from anyprobe_train.dataset.camera import blur
 
@@ -129,7 +128,4 @@ def gross_error(mask: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         return mask & (along < np.quantile(along[mask], 1 - rng.uniform(0.08, 0.3)))
     far = rng.uniform(0.02, 0.08) * max(high, wide)
     angle = rng.uniform(0, 2 * np.pi)
-    moved = Image.fromarray((255 * mask).astype(np.uint8)).transform(
-        mask.shape[::-1], Image.Transform.AFFINE, (1, 0, far * np.cos(angle), 0, 1, far * np.sin(angle))
-    )
-    return np.asarray(moved.filter(ImageFilter.MedianFilter(3))) > 127
+    return shift(mask, round(far * np.cos(angle)), round(far * np.sin(angle)))
