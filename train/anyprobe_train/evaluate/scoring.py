@@ -79,30 +79,6 @@ def groups_of(pair: Pair) -> set[str]:
 LN_FLOOR = 1e-3
 """Smallest radiance in the log-HDR error [of the photo's white]."""
 
-METRICS = {
-    "ldr_psnr": "higher",
-    "ldr_rmse": "lower",
-    "ldr_gain_rmse": "lower",
-    "ldr_ssim": "higher",
-    "ln_hdr_rmse": "lower",
-    "angle_diffuse_deg": "lower",
-    "angle_silver_deg": "lower",
-    "angle_mirror_deg": "lower",
-    "si_rmse_diffuse": "lower",
-    "si_rmse_silver": "lower",
-    "si_rmse_mirror": "lower",
-    "dominant_light_deg": "lower",
-    "dominant_light_median_deg": "lower",
-    "total_power_stops": "lower",
-    "total_power_median_stops": "lower",
-    "ldr_rmse_seen": "lower",
-    "ldr_rmse_unseen": "lower",
-}
-"""Reported metrics, and which way is better. All are means over pairs but those named median.
-
-seen: the half of the map behind the camera, which the object faces; unseen: the half behind the object.
-"""
-
 HEADINGS = {
     "ldr_rmse": "LDR RMSE",
     "ldr_gain_rmse": "after best gain",
@@ -119,6 +95,13 @@ HEADINGS = {
     "ldr_ssim": "LDR SSIM",
 }
 """Printed metrics, with the headings of docs/explanation/results.md; the others are in scores.json."""
+
+_HIGHER, _UNPRINTED = ("ldr_psnr", "ldr_ssim"), ("ldr_psnr", "si_rmse_mirror", "ldr_rmse_seen", "ldr_rmse_unseen")
+METRICS = {name: "higher" if name in _HIGHER else "lower" for name in (*HEADINGS, *_UNPRINTED)}
+"""Reported metrics, and which way is better. All are means over pairs but those named median.
+
+seen: the half of the map behind the camera, which the object faces; unseen: the half behind the object.
+"""
 
 MEDIANS = {"dominant_light_median_deg": "dominant_light_deg", "total_power_median_stops": "total_power_stops"}
 

@@ -146,21 +146,13 @@ def learned(inputs: LightInputs, truth: LightTruth, seed: tuple[int, int]) -> tu
 
 def without_object(inputs: LightInputs, some: torch.Tensor) -> LightInputs:
     """Leave out the object of some [N] photos: it is seen as a part of the place, and nobody says where it is."""
-    keep = (~some).float()
-    context = torch.cat(
-        [inputs.context[:, :3], inputs.context[:, 3:4] * keep[:, None, None, None], inputs.context[:, 4:]], dim=1
-    )
-    crop, picture, normals = (one * keep[:, None, None, None] for one in (inputs.crop, inputs.picture, inputs.normals))
-    lens = torch.cat([inputs.lens[:, :1], inputs.lens[:, 1:4] * keep[:, None], inputs.lens[:, 4:]], dim=1)
-    return replace(
-        inputs,
-        context=context,
-        crop=crop,
-        picture=picture,
-        normals=normals,
-        lens=lens,
-        material=inputs.material * keep[:, None],
-    )
+    keep = (~some).float()[:, None, None, None]
+    context, lens = inputs.context.clone(), inputs.lens.clone()
+    context[:, 3:4] *= keep
+    lens[:, 1:4] *= keep[:, :, 0, 0]
+    crop, picture, normals = (one * keep for one in (inputs.crop, inputs.picture, inputs.normals))
+    own = {"crop": crop, "picture": picture, "normals": normals, "material": inputs.material * keep[:, :, 0, 0]}
+    return replace(inputs, context=context, lens=lens, **own)
 
 
 def without_place(inputs: LightInputs, some: torch.Tensor, color: torch.Tensor, plain: torch.Tensor) -> LightInputs:

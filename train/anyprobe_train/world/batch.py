@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from anyprobe.core.color import luminance
-from anyprobe.core.latlong import pixel_solid_angles
+from anyprobe.light.environment import integral
 from anyprobe.light.light_sources import split_sources
 from anyprobe.scatter.materials import Material
 from anyprobe_train.dataset.mask_errors import disturb_mask, gross_error
@@ -79,7 +79,7 @@ class LightBatch:
     material: [N, 4] metal, reflectance; NaN without an object.
     truth: [N, 64, 128, 3] float16, what a probe in the object's place sees, in units of the photo's white.
     sources: [N, 3, 8] by falling power: exists, direction, angular radius [degrees], power above white.
-    soft: [N] share of the power above white that no source has, see `softness`. outdoors: [N] 1, 0 or NaN.
+    soft: [N] share of the power above white that no source has, see `sources_of`. outdoors: [N] 1, 0 or NaN.
     family: [N] index into PHOTO_FAMILIES.
     """
 
@@ -360,20 +360,16 @@ def _normals(view: np.void, seen: Seen | None, frame: Frame, crop_window: Window
 
 
 def sources_of(truth: np.ndarray) -> tuple[np.ndarray, float]:
-    """Return the sources [MOST_SAID, 8] of a map [64, 128, 3] above white, see LightBatch, and `softness`."""
+    """Return the sources [MOST_SAID, 8] of a map [64, 128, 3] above white, see LightBatch, and its softness, of
+    luminances: 1 - P / max(A, DIM W) in [0, 1], P the power of all sources, A all power above white, W the integral of
+    all radiance."""
     above = np.maximum(truth - 1.0, 0.0)
     result = np.zeros((MOST_SAID, 8), np.float32)
-    solid = pixel_solid_angles(len(truth))[..., None]
-    power = float(luminance((above * solid).sum(axis=(0, 1))))
+    power, whole = (float(luminance(integral(one))) for one in (above, truth))
     if power <= 0:
         return result, 1.0
     found = sorted(split_sources(above)[0], key=lambda one: -luminance(one.power))[:MOST_SAID]
     for row, one in zip(result, found, strict=False):
         row[:] = 1.0, *one.direction, one.radius_deg, *one.power
-    return result, softness(power, float(luminance((truth * solid).sum(axis=(0, 1)))), result)
-
-
-def softness(above: float, whole: float, sources: np.ndarray) -> float:
-    """Return 1 - P / max(A, DIM W) in [0, 1], of luminances: P the power of all sources, A all power above white, W the
-    integral of all radiance."""
-    return float(np.clip(1.0 - luminance(sources[:, 5:].sum(axis=0)) / max(above, DIM * whole, 1e-9), 0.0, 1.0))
+    said = luminance(result[:, 5:].sum(axis=0)) / max(power, DIM * whole, 1e-9)
+    return result, float(np.clip(1.0 - said, 0.0, 1.0))
