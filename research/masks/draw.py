@@ -18,9 +18,10 @@ from PIL import Image, ImageDraw
 from anyprobe.cli.app import main as run_command
 from anyprobe.core.color import to_bytes
 from anyprobe.estimate.sheet import draw_overlay
+from anyprobe.masks.check import object_box
 from anyprobe.masks.find import find_mask
 from anyprobe.pictures.images import read_image
-from anyprobe_train.mask_network.examples import cover_box, unasked_target
+from anyprobe_train.mask_network.examples import unasked_target
 from anyprobe_train.mask_network.scenes import draw_scene, photograph
 from anyprobe_train.world.batch import World
 
@@ -52,7 +53,7 @@ def main(
         target = unasked_target(shot)
         if target is None or (shot.covers.sum(axis=(1, 2)) > TILE).sum() < 2:
             continue
-        columns.append(_column(shot.photo, shot.covers, target, len(columns), cover_box(shot.covers[target])))
+        columns.append(_column(shot.photo, shot.covers, target, len(columns), object_box(shot.covers[target])))
     Image.fromarray(np.concatenate(columns, axis=1)).quantize(192).save(path, optimize=True)
 
 

@@ -7,7 +7,8 @@ from itertools import count as numbers
 
 import numpy as np
 
-from anyprobe_train.mask_network.examples import cover_box, inside_click, unasked_target
+from anyprobe.masks.check import object_box
+from anyprobe_train.mask_network.examples import inside_click, unasked_target
 from anyprobe_train.mask_network.scenes import draw_scene, photograph
 from anyprobe_train.world.batch import World
 from research.masks.cases import Case, make_case
@@ -31,7 +32,7 @@ def rendered_cases(world: World, count: int, seed: int) -> Iterator[Case]:
         top, bottom, left, right = shot.bounds
         cover = shot.covers[target]
         x, y = inside_click(rng, cover)
-        x0, y0, x1, y1 = cover_box(cover)
+        x0, y0, x1, y1 = object_box(cover)
         yield make_case(
             f"scene-{seed}-{made}",
             shot.photo[top:bottom, left:right],

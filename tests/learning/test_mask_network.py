@@ -15,16 +15,9 @@ pytest.importorskip("onnx", reason="needs ./train[torch]")
 pytest.importorskip("numba", reason="needs ./train[torch]")
 pytest.importorskip("tensorboard", reason="needs ./train[torch]")
 
+from anyprobe.masks.check import object_box  # noqa: E402
 from anyprobe.masks.networks import PADDING_GREY, SMALL_PX, SmallNetwork  # noqa: E402
-from anyprobe_train.mask_network.examples import (  # noqa: E402
-    CLOSE_SIDES,
-    MIN_TARGET_PX,
-    PROMPTS,
-    ask,
-    cover_box,
-    part_around,
-    unasked_target,
-)
+from anyprobe_train.mask_network.examples import CLOSE_SIDES, MIN_TARGET_PX, PROMPTS, ask, part_around, unasked_target  # noqa: E402
 from anyprobe_train.mask_network.mask_export import TOLERANCE, export_mask  # noqa: E402
 from anyprobe_train.mask_network.mask_net import MaskNet  # noqa: E402
 from anyprobe_train.mask_network.mask_training import (  # noqa: E402
@@ -85,7 +78,7 @@ def test_a_close_up_shows_its_object(scenes):
     for scene in scenes:
         for number in np.flatnonzero(scene.covers.sum(axis=(1, 2)) >= MIN_TARGET_PX):
             shot = photograph(rng, scene, part_around(rng, scene, number), SMALL_PX)
-            x0, y0, x1, y1 = cover_box(shot.covers[number])
+            x0, y0, x1, y1 = object_box(shot.covers[number])
             assert max(x1 - x0, y1 - y0) > 0.7 * SMALL_PX / CLOSE_SIDES[1]
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from anyprobe.masks.check import object_box
 from anyprobe_train.dataset.camera import blur
 
 MIN_CHANGED_PX = 24
@@ -74,8 +75,8 @@ def cut_off(mask: np.ndarray, share: float, rng: np.random.Generator) -> np.ndar
 
 def object_px(mask: np.ndarray) -> int:
     """Return the longer side of the mask's bounding box in pixels; 0 if it is empty."""
-    sides = (np.flatnonzero(mask.any(axis=axis)) for axis in (0, 1))
-    return max(int(side[-1] - side[0]) + 1 if len(side) else 0 for side in sides)
+    left, top, right, bottom = object_box(mask) if mask.any() else (0, 0, 0, 0)
+    return max(right - left, bottom - top)
 
 
 def disturb_mask(mask: np.ndarray, rng: np.random.Generator) -> np.ndarray:
@@ -106,11 +107,11 @@ def disturb_mask(mask: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 def gross_error(mask: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Return a mask [H, W] with a strip of the support, a part of a neighbour, without a limb, or beside the object."""
-    rows, columns = np.nonzero(mask)
-    if not len(rows):
+    if not mask.any():
         return mask
-    top, bottom, left, right = rows.min(), rows.max(), columns.min(), columns.max()
-    high, wide = bottom - top + 1, right - left + 1
+    left, top, right, bottom = object_box(mask)
+    high, wide = bottom - top, right - left
+    right, bottom = right - 1, bottom - 1
     y, x = np.mgrid[0 : mask.shape[0], 0 : mask.shape[1]]
     kind = rng.integers(4)
     if kind == 0:  # the rim of a turntable, the edge of a table

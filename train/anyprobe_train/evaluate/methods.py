@@ -20,6 +20,7 @@ from anyprobe.estimate.surroundings import LEAST_COVER
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.light.filtering import blur_cap
 from anyprobe.maps.radiance import read_radiance
+from anyprobe.masks.check import object_box
 from anyprobe_train.dataset.pair import Pair, shot_of
 
 GIVEN_HINTS = {
@@ -123,9 +124,8 @@ def chrome_sphere(photo: np.ndarray) -> np.ndarray:
     no pixel of the object the object's mean stands in.
     """
     mask = photo[..., 3] > 0.5
-    rows, columns = np.nonzero(mask)
-    centre = np.array([columns.min() + columns.max() + 1, rows.min() + rows.max() + 1]) / 2
-    radius = max(np.ptp(columns), np.ptp(rows)) / 2 + 0.5
+    left, top, right, bottom = object_box(photo[..., 3])
+    centre, radius = ((left + right) / 2, (top + bottom) / 2), max(right - left, bottom - top) / 2
     radiance = inverse_response(photo[..., :3])
     d = pixel_directions(MAP_HEIGHT)
     n = normalize(d + np.array([0.0, 0.0, 1.0], np.float32))  # reflect(+Z, n) = d

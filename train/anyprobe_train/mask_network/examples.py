@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
+from anyprobe.masks.check import object_box
 from anyprobe.masks.networks import SMALL_PX
 from anyprobe.masks.prompts import draw_prompts
 from anyprobe_train.dataset.camera import blur
@@ -168,7 +169,7 @@ def ask(
         kind = "click"
     cover = shot.covers[target]
     if kind == "box":
-        box = cover_box(cover)
+        box = object_box(cover)
         reach = 0.08 * max(box[2] - box[0], box[3] - box[1])
         moved = np.array(box, np.float64) + rng.normal(0.0, reach, 4) + reach * np.array([-1, -1, 1, 1])
         return draw_prompts(SMALL_PX, box=np.clip(moved, 0, SMALL_PX).tolist()), cover
@@ -178,12 +179,6 @@ def ask(
         on += [inside_click(rng, cover) for _ in range(int(rng.integers(0, 3)))]
         off = [_click_beside(rng, shot, target) for _ in range(int(rng.integers(0, 3)))]
     return draw_prompts(SMALL_PX, on, off), cover
-
-
-def cover_box(cover: np.ndarray) -> tuple[int, int, int, int]:
-    """Return the bounding box x0, y0, x1, y1 of cover > 0.5."""
-    rows, columns = (np.flatnonzero((cover > 0.5).any(axis=axis)) for axis in (1, 0))
-    return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
 
 
 def _centre_weight(size: int, centre: float) -> np.ndarray:
@@ -224,7 +219,7 @@ def _pixel(rng: np.random.Generator, *choices: np.ndarray) -> tuple[float, float
 def part_around(rng: np.random.Generator, scene: Scene, target: int) -> Window:
     """Draw the part that a close-up of an object shows: within the photo, not quite centred."""
     tangents, pixel = np.array(scene.frame.tangents), 2 * scene.frame.most / len(scene.radiance)
-    x0, y0, x1, y1 = cover_box(scene.covers[target])
+    x0, y0, x1, y1 = object_box(scene.covers[target])
     middle = np.array([x0 + x1, -y0 - y1]) / 2 * pixel + np.array([-1, 1]) * scene.frame.most
     longer = max(x1 - x0, y1 - y0) * pixel
     half = np.minimum(longer * np.exp(rng.uniform(*np.log(CLOSE_SIDES))) / 2, tangents)
