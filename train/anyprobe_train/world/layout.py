@@ -116,38 +116,28 @@ def build_scene(view: np.void | None, eye: np.ndarray, layout: Layout, glow: np.
     bodies = here + layout.others
     far = layout.light
     side = max([len(one.albedo) for one in layout.panels] or [2])
-    sizes = (
-        scene.HEAD,
-        len(layout.panels) * scene.PANEL_SIZE,
-        len(bodies) * scene.BODY_SIZE,
-        (len(far.radius) + len(layout.lamps)) * scene.SOURCE_SIZE,
-        len(layout.panels) * 3 * scene.GRID_POINTS**2 * 3,
-        len(layout.panels) * side**2 * 3,
-    )
-    ends = np.cumsum(sizes)
-    numbers = np.zeros(ends[-1], np.float32)
-    head, panels, others, sources, _, pictures = np.split(numbers, ends[:-1])
-    head[:] = [*eye, *falling(far)]
-    for row, one in zip(panels.reshape(-1, scene.PANEL_SIZE), layout.panels, strict=True):
+    panels, hiding, pictures = [], [], []
+    for one in layout.panels:
         offset = np.array([0.0, 0.0 if abs(one.up[1]) < 0.5 else 0.6, 0.0]) - one.origin  # the object's, before it
         middle = [np.clip(offset @ axis, -half, half) for axis, half in zip((one.right, one.up), one.half, strict=True)]
         frame = *one.origin, *one.right, *one.up, *np.cross(one.right, one.up), *one.half
-        row[:] = (*frame, one.side, one.f0, one.alpha, *middle, SPREAD, *one.albedo.mean(axis=(0, 1)), one.ground)
-    for row, body in zip(others.reshape(-1, scene.BODY_SIZE), bodies, strict=True):
+        own = one.side, one.f0, one.alpha, *middle, SPREAD, *one.albedo.mean(axis=(0, 1)), one.ground
+        panels.append((*frame, *own))
+        times = side // len(one.albedo)
+        pictures.append(one.albedo.repeat(times, 0).repeat(times, 1))
+    for body in bodies:
         linear = rotation_y(body.turn).T / body.scale
         low, cell = body.view["low"].astype(float), body.view["cell"].astype(float)
         middle = body.place + np.linalg.solve(linear, low + CELLS / 2 * cell)
         matrix = np.column_stack([linear, -linear @ body.place - low]) / cell[:, None]
-        row[:] = (*middle, (body.scale * CELLS / 2) ** 2 * (cell @ cell), *matrix.ravel(), *glow)
-    rows = sources.reshape(-1, scene.SOURCE_SIZE)
-    rows[: len(far.radius)] = np.column_stack([np.zeros(len(far.radius)), far.direction, np.tan(far.radius), far.power])
-    for row, (place, radius, radiance) in zip(rows[len(far.radius) :], layout.lamps, strict=True):
-        row[:] = (1.0, *place, radius, *radiance)
-    for picture, one in zip(pictures.reshape(-1, side, side, 3), layout.panels, strict=True):
-        times = side // len(one.albedo)
-        picture[:] = one.albedo.repeat(times, 0).repeat(times, 1)
+        hiding.append((*middle, (body.scale * CELLS / 2) ** 2 * (cell @ cell), *matrix.ravel(), *glow))
+    sources = [(0.0, *one) for one in np.column_stack([far.direction, np.tan(far.radius), far.power])]
+    sources += [(1.0, *place, radius, *radiance) for place, radius, radiance in layout.lamps]
+    grids = np.zeros(len(panels) * 3 * scene.GRID_POINTS**2 * 3)
+    parts = [[*eye, *falling(far)], *(np.ravel(one) for one in (panels, hiding, sources)), grids, np.ravel(pictures)]
+    numbers, ends = np.concatenate(parts, dtype=np.float32), np.cumsum([len(one) for one in parts])
     words = np.array([one.view["words"] for one in bodies], np.uint64).reshape(-1, CELLS, CELLS)
-    counts = len(layout.panels), len(bodies), len(rows)
+    counts = len(panels), len(bodies), len(sources)
     places = np.array([*counts, *ends[:5], side, len(far.sky) // 2, LIGHT_ROWS], np.int64)
     return TracedScene(numbers=numbers, places=places, words=words, sky=far.sky)
 
