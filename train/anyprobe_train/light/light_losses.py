@@ -13,7 +13,7 @@ from anyprobe_train.evaluate.calibration import CLOSE
 from anyprobe_train.light.drawing import PEAK_ROWS, POWER_FLOOR, SLOTS, SOURCE_ROWS, directions_of, solid_angles_of
 from anyprobe_train.light.network import NORMALS_SIDE, LightAnswer
 from anyprobe_train.light.pictured import LightTruth
-from anyprobe_train.light.shown import clipped_where_white, display
+from anyprobe_train.light.shown import display
 
 LIGHT_WEIGHTS: dict[str, float] = {
     "display": 1.0,
@@ -93,7 +93,8 @@ class LightLoss:
     def of_map(self, guess: LightAnswer, radiance: torch.Tensor) -> dict[str, torch.Tensor]:
         """Compare maps: as a display shows the one that is drawn, and by the light that they send to spheres."""
         ldr = response(radiance.clamp(max=1.0))
-        shown = clipped_where_white(display(guess.ln_radiance), ldr) - ldr
+        shown = display(guess.ln_radiance)
+        shown = torch.where((shown > 1) & (ldr >= 1), 1.0, shown) - ldr  # how far above white does not matter there
         ln = torch.log(radiance.clamp(min=float(np.exp(LN_LOW))))
         near = (shown.detach().abs().mean(dim=1, keepdim=True) < CLOSE).float()
         power, share = self._above_white(radiance)

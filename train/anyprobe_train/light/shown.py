@@ -18,8 +18,3 @@ def inverse_display(shown: torch.Tensor) -> torch.Tensor:
     """Return the radiance up to white that display values mean."""
     ratio = (shown.clamp(0.0, 1.0) / (1 + SIGMA)).clamp(min=1e-6)
     return torch.exp(torch.log(ratio * SIGMA / (1 - ratio)) / EXPONENT).clamp(max=1.0)
-
-
-def clipped_where_white(shown: torch.Tensor, true: torch.Tensor) -> torch.Tensor:
-    """Clip display values where the true ones clip: how far above white does not matter there."""
-    return torch.where((shown > 1) & (true >= 1), shown.clip(max=1.0), shown)
