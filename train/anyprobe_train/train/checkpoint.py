@@ -120,7 +120,8 @@ SMALL = 1024
 
 
 def save_init_weights(checkpoint: Path, path: Path, with_pairs: bool = False) -> None:
-    """Save a checkpoint's weights by save_weights, with the number of pairs they have seen or without.
+    """Save a checkpoint's weights, compressed, large tensors as float16, with the number of pairs they have seen or
+    without; read_init_weights reads them.
 
     Raises:
         ModelError: of read_checkpoint.
@@ -130,18 +131,13 @@ def save_init_weights(checkpoint: Path, path: Path, with_pairs: bool = False) ->
     if path.exists() and path.samefile(checkpoint):
         text = "expected another file for the weights, got the run's own checkpoint; choose another"
         raise InputError(text, source=path)
-    save_weights(stored["net"], path, stored["step"] * json.loads(stored["config"])["batch"] if with_pairs else None)
-
-
-def save_weights(weights: Mapping[str, torch.Tensor], path: Path, pairs: int | None = None) -> None:
-    """Save weights at path, compressed, large tensors as float16, with the number of pairs they have seen if it is
-    given; read_init_weights reads them."""
     halved = {
         name: value.half() if value.is_floating_point() and value.numel() >= SMALL else value
-        for name, value in weights.items()
+        for name, value in stored["net"].items()
     }
+    pairs = {"pairs": stored["step"] * json.loads(stored["config"])["batch"]}
     plain = io.BytesIO()
-    torch.save(halved if pairs is None else {"nets": halved, "pairs": pairs}, plain)
+    torch.save({"nets": halved, **pairs} if with_pairs else halved, plain)
     with atomic_path(path) as temporary, zipfile.ZipFile(plain) as source, zipfile.ZipFile(temporary, "w") as target:
         for name in source.namelist():  # torch.load reads it; half floats shrink by a twelfth
             target.writestr(zipfile.ZipInfo(name), source.read(name), zipfile.ZIP_DEFLATED, compresslevel=9)
