@@ -111,7 +111,7 @@ def score_whole_photos(net: LeanNet, batches: list[LightBatch]) -> dict[str, flo
             some = itemgetter(torch.nonzero(whole)[: WITHOUT - len(without), 0])
             inputs, truth = fieldwise(some, inputs), fieldwise(some, truth)
             every = torch.ones_like(truth.family, dtype=torch.bool)
-            without += rows_of(net, seen_again(without_object(inputs, every)), truth)
+            without += rows_of(net, seen_again(without_object(inputs, every), every), truth)
     whole_rows = [row for row in rows if row["family"] < PHOTO_FAMILIES.index("cut_out")]
     found = summary(whole_rows, "")
     parts = {name: [row for row in rows if row["family"] == number] for number, name in enumerate(PHOTO_FAMILIES)}

@@ -75,9 +75,11 @@ def _laid_on_sphere(context: torch.Tensor, lens: torch.Tensor) -> torch.Tensor:
     return _on_sphere(context.device)(context, lens[:, 0]).clamp(max=1.0)
 
 
-def seen_again(inputs: LightInputs) -> LightInputs:
-    """Lay what photos show beside their objects on the sphere anew, after a change of that."""
-    return replace(inputs, seen=_laid_on_sphere(inputs.context, inputs.lens))
+def seen_again(inputs: LightInputs, some: torch.Tensor) -> LightInputs:
+    """Lay what some [N] photos show beside their objects on the sphere anew, after a change of that."""
+    seen = inputs.seen.clone()
+    seen[some] = _laid_on_sphere(inputs.context[some], inputs.lens[some])
+    return replace(inputs, seen=seen)
 
 
 def mirrored_inputs(inputs: LightInputs) -> LightInputs:
@@ -140,7 +142,7 @@ def learned(inputs: LightInputs, truth: LightTruth, seed: tuple[int, int]) -> tu
     alone = (some(NO_PLACE) | ((truth.family == CUT_OUT) & some(0.5))) & (inputs.crop[:, 3].amax(dim=(1, 2)) > 0)
     color = torch.from_numpy(rng.choice([0.0, 1.0, 0.5], (count, 1)) + 0.1 * rng.random((count, 3))).float()
     inputs = without_place(inputs, alone, color.clip(0, 1).to(device), some(PLAIN))
-    inputs = seen_again(inputs)
+    inputs = seen_again(inputs, gone | alone)
     return _with_panorama(inputs, truth, some(PANORAMA), rng), truth
 
 
