@@ -78,7 +78,7 @@ def write_unreal(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
 
 
 def write_unity(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
-    """Write <name>.hdr, <name>_ambient.hdr and AnyprobeLight.cs, which reads the sidecar: the dominant light and the rest.
+    """Write <name>.hdr, <name>_ambient.hdr (without the dominant light) and AnyprobeLight.cs, which reads the sidecar.
 
     Unity's Lambert has no 1 / pi: its light's intensity is irradiance / pi, linear. The component's file
     is the same for every light, because Unity requires a class to be named as its file.
