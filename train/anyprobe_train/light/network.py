@@ -272,8 +272,8 @@ class LeanNet(nn.Module):
         d = self.lift_directions
         of_each = torch.cat([colors.transpose(1, 2), d.expand(len(cover), -1, -1)], dim=2).double()
         seen = (cover * (cover >= SEEN_COVER).float())[..., None].double()
-        fine = d.double() + 0.0 * cover[0, 0]  # exports fold nothing of it into a constant of two megabytes
-        nearness = torch.exp(NEAREST * (fine @ fine.T - 1.0))  # down to 1e-261
+        again = d + 0.0 * cover[0, 0]  # exports fold nothing of it into a constant of two megabytes
+        nearness = torch.exp(NEAREST * ((again @ again.T).double() - 1.0))  # down to 1e-261
         sums = nearness @ torch.cat([seen * of_each, seen], dim=2)
         found = (sums[..., :-1] / sums[..., -1:].clamp(min=LEAST_NEARNESS)).float()
         angle = torch.acos((found[..., 3:] * d).sum(dim=2).clamp(-1 + 1e-6, 1 - 1e-6)) / torch.pi
