@@ -29,9 +29,9 @@ from anyprobe.render.spheres import diffuse
 from anyprobe.scatter.materials import Material
 from anyprobe_train.dataset.room import room
 from anyprobe_train.dataset.sky import sky, studio
-from anyprobe_train.dataset.textured import draw_texture
 from anyprobe_train.evaluate.metrics import color_angle_deg, direction_error_deg, power_ratio_stops
-from anyprobe_train.evaluate.path_traced import _environment, _shape, open_mitsuba
+from research.painted import draw_texture
+from research.path_traced import _environment, _shape, open_mitsuba
 
 DOCS = Path(__file__).parent.parent / "docs"
 WIDTH, HEIGHT, FOV_DEG = 480, 360, 30.0

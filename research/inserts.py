@@ -37,7 +37,7 @@ from anyprobe.relight.insert import Arrangement, Stage, within
 from anyprobe.relight.shadow import sky_irradiance
 from anyprobe.render.mesh import Mesh
 from anyprobe.scatter.materials import Material, material_named
-from anyprobe_train.evaluate.path_traced import _environment, _shape, open_mitsuba
+from research.path_traced import _environment, _shape, open_mitsuba
 
 WIDTH, HEIGHT, FOV_DEG = 256, 192, 50.0
 PATHS, MAX_DEPTH, MAP_ROWS = 144, 6, 256

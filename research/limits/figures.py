@@ -12,10 +12,11 @@ import numpy as np
 
 from anyprobe.core.response import response
 from anyprobe_train.dataset import distributions
-from anyprobe_train.dataset.pair import Pair, is_painted
+from anyprobe_train.dataset.pair import Pair
 from anyprobe_train.evaluate.metrics import gain_rmse, power_ratio_stops, rmse, ssim
 from anyprobe_train.evaluate.scoring import ALPHA_EDGES
 from research.limits.orders import ln_error, order_powers
+from research.painted import is_painted
 
 SMOOTH_BELOW = 0.25
 """Alpha below which a dielectric counts as smooth."""

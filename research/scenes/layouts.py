@@ -21,9 +21,9 @@ from anyprobe.scatter.materials import Material
 from anyprobe_train.dataset import distributions
 from anyprobe_train.dataset.asset_store import AssetStore
 from anyprobe_train.dataset.catalog import normalize_map
-from anyprobe_train.dataset.pair import _painted
 from anyprobe_train.dataset.sky import direction_at, tint
 from anyprobe_train.world.covers import Cover, draw_cover
+from research.painted import painted
 from research.scenes.drawn_light import add_lamp, draw_place, draw_procedural_light, draw_real_light, with_lamps
 from research.scenes.parts import VariedStore
 from research.world.whole_scenes import Panel, Phone, Thing, _draw_second, _placed, _standing
@@ -325,7 +325,7 @@ def _object(rng: np.random.Generator, store: AssetStore) -> tuple[Mesh, Material
     keys = sorted(store.shapes)
     asset = store.shape(keys[rng.integers(len(keys))])
     if rng.random() < (0.5 if distributions.KINDS[kind] == "painted" else 0.1):
-        material = _painted(material, asset.mesh, rng)
+        material = painted(material, asset.mesh, rng)
     return _standing(asset.mesh, rng), material, asset.name
 
 

@@ -11,7 +11,7 @@ from PIL import Image
 from anyprobe.core.latlong import bilinear, direction_to_uv, uv_to_direction
 from anyprobe.light.environment import MAP_HEIGHT, reduced, rotate
 from anyprobe.render.shapes import sphere
-from anyprobe_train.evaluate.path_traced import NAME, _environment, _shape, open_mitsuba
+from research.path_traced import NAME, _environment, _shape, open_mitsuba
 from research.scenes.layouts import Lamp, Layout
 from research.world.whole_render import Render, mitsuba_rays
 from research.world.whole_scenes import Panel

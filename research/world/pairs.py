@@ -9,9 +9,10 @@ from anyprobe.errors import InputError
 from anyprobe_train.dataset.asset_store import AssetStore, load_asset_store
 from anyprobe_train.dataset.pair import Pair, Trace
 from anyprobe_train.dataset.recipe import Recipe, read_recipes
-from anyprobe_train.evaluate.path_traced import open_mitsuba, trace_mesh
 from research.kept_pairs import kept_pairs
 from research.left_out import load_left_out
+from research.painted import is_painted, painted
+from research.path_traced import open_mitsuba, trace_mesh
 
 PATHS = 128
 """Through each pixel; the noise that is left is a camera's in a dim room."""
@@ -44,6 +45,8 @@ def world_pairs(data: Path, part: str, kept: Path | None, trace: Trace | None = 
     yield from kept_pairs(recipes_of(part), store_of(data, part), folder, trace=trace or _trace)
 
 
-def _trace(mesh, camera, radiance, material):
+def _trace(recipe, mesh, camera, radiance, material):
+    """Trace a pair's photo; painted objects get a mild texture, which the irradiance leaves out."""
     open_mitsuba()
-    return trace_mesh(mesh, camera, radiance, material, num_paths=PATHS)
+    coat = painted(material, mesh, recipe.rng().spawn(1)[0]) if is_painted(recipe) else material
+    return trace_mesh(mesh, camera, radiance, coat, num_paths=PATHS)

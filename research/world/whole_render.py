@@ -10,7 +10,7 @@ import numpy as np
 from anyprobe.core.frames import rotation_y
 from anyprobe.core.latlong import uv_to_direction
 from anyprobe.light.environment import MAP_HEIGHT, rotate
-from anyprobe_train.evaluate.path_traced import NAME, _environment, _shape, open_mitsuba
+from research.path_traced import NAME, _environment, _shape, open_mitsuba
 from research.world.whole_scenes import Panel, Scene
 
 PATHS = 24

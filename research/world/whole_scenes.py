@@ -14,9 +14,9 @@ from anyprobe.render.mesh import Mesh
 from anyprobe.scatter.materials import Material
 from anyprobe_train.dataset import distributions
 from anyprobe_train.dataset.asset_store import AssetStore
-from anyprobe_train.dataset.pair import _painted, is_painted
 from anyprobe_train.dataset.recipe import Recipe
 from anyprobe_train.world.covers import Cover, draw_cover
+from research.painted import is_painted, painted
 
 LONG_PX, SHORT_PX = 480, 360
 PITCH_DEG = (5.0, 50.0)
@@ -109,7 +109,7 @@ def draw_scene(recipe: Recipe, store: AssetStore) -> Scene:
     material = distributions.draw_one(rng, kind, alpha, (brighter + rng.random()) / 2)
     shape = store.shape(recipe.shape_id).mesh
     if is_painted(recipe):
-        material = _painted(material, shape, rng.spawn(1)[0])
+        material = painted(material, shape, rng.spawn(1)[0])
     thing = Thing(mesh=_standing(shape, rng), material=material)
     map_yaw = float(rng.uniform(0, 2 * np.pi))
     center = (thing.mesh.positions.min(axis=0) + thing.mesh.positions.max(axis=0)) / 2

@@ -30,8 +30,8 @@ def rendered(monkeypatch) -> list[dict]:
     """How each pair was asked for; spheres in turn indoors and out, shiny and dull."""
     calls = []
 
-    def render_pair(recipe, store, trace=None):
-        calls.append({"trace": trace, "conditions": recipe.conditions})
+    def render_pair(recipe, store):
+        calls.append({"conditions": recipe.conditions})
         k = len(calls) - 1
         pair = sphere_pair(k, ALPHAS[k % 4], indoor=bool(k // 2 % 2), material=k % 2)
         return replace(pair, recipe=recipe)

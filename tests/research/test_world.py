@@ -37,7 +37,7 @@ class _AskedError(Exception):
 def material(**changes):
     """What the path tracer gets for a recipe; nothing is photographed."""
 
-    def trace(mesh, camera, radiance, given):
+    def trace(recipe, mesh, camera, radiance, given):
         raise _AskedError(given)
 
     with pytest.raises(_AskedError) as asked:

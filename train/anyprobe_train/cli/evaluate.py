@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -31,8 +30,6 @@ PAIRS = 200
 SEED = 2020
 Conditions = Literal["clean", "world"]
 """Conditions of test photos, as in dataset.recipe.CONDITIONS."""
-PATHS = 128
-"""Paths per pixel of a path-traced photo."""
 CELL = 64
 """Side of a picture in the grid of pictures.png [pixels]."""
 
@@ -45,14 +42,11 @@ def evaluate(
     seed: Annotated[int, Parameter(help="Seed of the test set.")] = SEED,
     frozen: Annotated[bool, Parameter(name="--frozen", help="Take the first of the 1,000 frozen recipes.")] = False,
     recipes: Annotated[
-        Path | None, Parameter(help="Take the pairs of a list, one recipe per line, such as research/world/test.txt.")
+        Path | None, Parameter(help="Take the pairs of a list, one recipe per line, such as frozen_public.txt.")
     ] = None,
     conditions: Annotated[
         Conditions, Parameter(help="clean photos; world: as phones take them, with noise, JPEG, blur, rough masks.")
     ] = "clean",
-    path_traced: Annotated[
-        bool, Parameter(name="--path-traced", help="Photos by Mitsuba 3, with self-shadowing and interreflection.")
-    ] = False,
     hints: Annotated[
         bool, Parameter(name="--hints", help="Also score with true normals, material and surroundings given.")
     ] = False,
@@ -94,12 +88,6 @@ def evaluate(
     from anyprobe_train.evaluate.methods import baselines, truth_methods
     from anyprobe_train.evaluate.scoring import METRICS, score_pairs
 
-    trace = None
-    if path_traced:
-        from anyprobe_train.evaluate.path_traced import open_mitsuba, trace_mesh
-
-        open_mitsuba()  # one clear line where it cannot run
-        trace = partial(trace_mesh, num_paths=PATHS)
     console = Console(stderr=True, markup=False, emoji=False, highlight=False)
     drawn = None if frozen or recipes else seed
     chosen, store = _test_set(hdri, meshes, pairs, drawn, recipes, conditions, console)
@@ -108,7 +96,7 @@ def evaluate(
     if write_photos is None:
         methods = _judged(predictions, [one.key for one in chosen], model, title, hints) | baselines()
         methods |= truth_methods()
-    rendered = (render_pair(one, store, trace) for one in track(chosen, "evaluating", console=console))
+    rendered = (render_pair(one, store) for one in track(chosen, "evaluating", console=console))
     if write_photos is None:
         watch = Watch(methods, title, len(chosen))
         scores = score_pairs(rendered, methods, watch=watch)
@@ -124,7 +112,6 @@ def evaluate(
             "pairs": len(chosen),
             **({"recipes": recipes.name} if recipes is not None else {"frozen": True} if frozen else {"seed": seed}),
             **({} if recipes is not None else {"conditions": conditions}),
-            "path_traced": path_traced,
         },
         "model": model_id(model) if predictions is None else title,
         "recipes": digest(chosen),

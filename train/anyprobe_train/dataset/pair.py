@@ -4,7 +4,7 @@ Every visible point is shaded by itself, in NumPy, so that bytes do not depend o
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -25,15 +25,12 @@ from anyprobe_train.dataset.camera import Shot, draw_shot, meter, one_photo
 from anyprobe_train.dataset.distributions import SPECULAR_BELOW, draw_alpha, draw_material
 from anyprobe_train.dataset.mask_errors import disturb_mask
 from anyprobe_train.dataset.recipe import VIEWPOINTS, WORLD, Recipe
-from anyprobe_train.dataset.textured import factor_at
 
-Trace = Callable[[Mesh, Camera, np.ndarray, Material], np.ndarray]
-"""Renderer of a photo: from a mesh, a camera, the map [H, 2H, 3] in the mesh's world and a material, whose albedo is
-[3] or [F, 3, 3] at the corners of the faces, to linear RGB (and more) [S, S, 3+]."""
+Trace = Callable[[Recipe, Mesh, Camera, np.ndarray, Material], np.ndarray]
+"""Renderer of a photo: from a recipe, its mesh, a camera, the map [H, 2H, 3] in the mesh's world and the material to
+linear RGB (and more) [S, S, 3+]."""
 
 NUM_SAMPLES = 64
-PAINTED_ALBEDO = 0.95
-"""Largest albedo under a texture."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -81,8 +78,7 @@ def fibonacci_viewpoint(index: int) -> tuple[float, float]:
 def render_pair(recipe: Recipe, store: AssetStore, trace: Trace | None = None) -> Pair:
     """Render the pair of a recipe; InputError if the store lacks its map or shape, or it is not visible.
 
-    trace: makes the photo in the place of our shading; the irradiance stays what no shadow falls on. Under WORLD
-        conditions, painted objects get a mild texture by it, which our shading leaves out.
+    trace: makes the photo in the place of our shading; the irradiance stays what no shadow falls on.
     """
     asset, shape, rng = store.map(recipe.map_id), store.shape(recipe.shape_id), recipe.rng()
     world_from_camera, fov_deg, material, map_yaw, shot = _draw(recipe, rng)
@@ -98,8 +94,7 @@ def render_pair(recipe: Recipe, store: AssetStore, trace: Trace | None = None) -
     if trace is not None:
         map_from_world = map_from_camera @ camera.world_from_camera.T
         surroundings = rotate(asset.radiance, map_from_world.T)
-        coat = _painted(material, shape.mesh, rng.spawn(1)[0]) if is_painted(recipe) else material
-        reflected = trace(shape.mesh, camera, surroundings, coat)[surface.mask][:, :3]
+        reflected = trace(recipe, shape.mesh, camera, surroundings, material)[surface.mask][:, :3]
     light = reduced(rotate(asset.radiance, map_from_camera.T), MAP_HEIGHT)
     picture = np.zeros((*surface.mask.shape, 3), reflected.dtype)
     picture[surface.mask] = reflected
@@ -127,18 +122,6 @@ def render_pair(recipe: Recipe, store: AssetStore, trace: Trace | None = None) -
         shape_name=shape.name,
         indoor=asset.indoor,
     )
-
-
-def is_painted(recipe: Recipe) -> bool:
-    """Return whether a recipe is of a painted object under WORLD conditions."""
-    return recipe.conditions == WORLD and distributions.KINDS[recipe.material % 4] == "painted"
-
-
-def _painted(material: Material, mesh: Mesh, rng: np.random.Generator) -> Material:
-    """Return the material under a mild texture that lies on the mesh: albedo [F, 3, 3], at the corners of the faces."""
-    corners = mesh.positions[mesh.faces].reshape(-1, 3).astype(np.float32)
-    factor = factor_at(corners, mesh.normals.reshape(-1, 3).astype(np.float32), rng)
-    return replace(material, albedo=np.minimum(material.albedo * factor.reshape(-1, 3, 3), PAINTED_ALBEDO))
 
 
 def _draw(recipe: Recipe, rng: np.random.Generator) -> tuple[np.ndarray, float, Material, float, Shot]:

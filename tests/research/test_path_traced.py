@@ -15,7 +15,7 @@ from anyprobe.render.picture import draw_mesh
 from anyprobe.render.shapes import sphere
 from anyprobe.render.surface import frame_object
 from anyprobe.scatter.materials import MATERIALS, Material
-from anyprobe_train.evaluate import path_traced
+from research import path_traced
 
 
 @pytest.fixture

@@ -3,7 +3,7 @@
 import numpy as np
 
 from anyprobe.core.latlong import pixel_directions
-from anyprobe_train.dataset.textured import factor_at
+from research.painted import factor_at
 
 
 def test_a_texture_varies_a_little_about_one(rng):
