@@ -45,7 +45,7 @@ def masks(
         from anyprobe_train.world.batch import World
         from research.masks.scenes import rendered_cases
 
-        world = World.open(data, Path("runs/world"), maps="left-out", shapes="left-out")
+        world = World.open(data, Path("runs/world"), "left-out")
         sets["scenes"] = list(rendered_cases(world, scenes, seed))
     if not any(sets.values()):
         raise InputError("research.masks: expected --photos DIR or --data DIR with something in it, got nothing")

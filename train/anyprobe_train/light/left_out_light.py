@@ -1,4 +1,4 @@
-"""Scores of the light network on photos that are left out: path-traced ones, and four cross sets of the fast world."""
+"""Scores of the light network on photos that are left out: path-traced ones, and cut-outs as evaluate renders them."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import fields
@@ -15,17 +15,12 @@ from anyprobe_train.evaluate.scoring import dominant_light_share
 from anyprobe_train.light.both_ways import both_ways
 from anyprobe_train.light.drawing import NEAR_DEG
 from anyprobe_train.light.network import LeanNet, LightAnswer, LightInputs
-from anyprobe_train.light.pictured import LightTruth, seen_again, tensors_of, without_object
-from anyprobe_train.world.batch import PHOTO_FAMILIES, LightBatch, World, fieldwise, make_batch
+from anyprobe_train.light.pictured import LightTruth, tensors_of
+from anyprobe_train.world.batch import PHOTO_FAMILIES, LightBatch, fieldwise
 
-WITHOUT = 100
-"""Photos of which the object is left out, too."""
 AT_ONCE = 32
-CROSS = tuple((maps, shapes) for maps in ("train", "left-out") for shapes in ("train", "left-out"))
-"""Parts of maps and shapes of the four cross sets."""
 CUT_OUTS = "cut_outs"
 """Folder, beside the photos that are left out, of left-out cut-outs as the evaluation renders them."""
-CROSS_SEED, CROSS_BATCHES = 1_000_003, 2
 
 
 def kept_batches(folder: Path) -> list[LightBatch]:
@@ -99,56 +94,23 @@ def summary(rows: list[dict[str, float]], prefix: str) -> dict[str, float]:
     return {f"{prefix}{name}": round(float(value), 4) for name, value in found.items()}
 
 
-def score_whole_photos(net: LeanNet, batches: list[LightBatch]) -> dict[str, float]:
-    """Return figures of whole photos, of each family, and of photos without their objects."""
-    rows: list[dict[str, float]] = []
-    without: list[dict[str, float]] = []
-    for batch in batches:
-        inputs, truth = tensors_of(batch, _device(net))
-        rows += rows_of(net, inputs, truth)
-        whole = truth.family < PHOTO_FAMILIES.index("cut_out")
-        if len(without) < WITHOUT and whole.any():
-            some = itemgetter(torch.nonzero(whole)[: WITHOUT - len(without), 0])
-            inputs, truth = fieldwise(some, inputs), fieldwise(some, truth)
-            every = torch.ones_like(truth.family, dtype=torch.bool)
-            without += rows_of(net, seen_again(without_object(inputs, every), every), truth)
-    whole_rows = [row for row in rows if row["family"] < PHOTO_FAMILIES.index("cut_out")]
-    found = summary(whole_rows, "")
-    parts = {name: [row for row in rows if row["family"] == number] for number, name in enumerate(PHOTO_FAMILIES)}
-    for name, own in {**parts, "without": without}.items():
-        short = summary(own, f"{name}_") if own else {}
-        found |= {key: short[key] for key in short if key.endswith(("_ldr_rmse", "_dominant_deg"))}
-    return found
-
-
-def left_out_scores(folder: Path, data: Path, cache: Path) -> Callable[[LeanNet], dict[str, float]]:
-    """Return what scores a network: on the batches kept in a folder, and on the cross sets of the fast world, which are
-    made when they are asked for first."""
-    sets: dict[str, list[LightBatch]] = {}
+def left_out_scores(folder: Path) -> Callable[[LeanNet], dict[str, float]]:
+    """Return what scores a network by the batches of a folder: whole photos, each family, and those of CUT_OUTS."""
 
     def score(net: LeanNet) -> dict[str, float]:
-        found: dict[str, float] = {}
-        kept = kept_batches(folder)
-        if kept:
-            found |= score_whole_photos(net, kept)
+        rows = _rows(net, kept_batches(folder))
+        whole = [row for row in rows if row["family"] < PHOTO_FAMILIES.index("cut_out")]
+        found = summary(whole, "") if whole else {}
+        for number, name in enumerate(PHOTO_FAMILIES):
+            own = [row for row in rows if row["family"] == number]
+            short = summary(own, f"{name}_") if own else {}
+            found |= {key: short[key] for key in short if key.endswith(("_ldr_rmse", "_dominant_deg"))}
         cut = _rows(net, kept_batches(folder / CUT_OUTS))
-        found |= summary(cut, "evaluate_") if cut else {}
-        for maps, shapes in CROSS:
-            name = f"{'seen' if maps == 'train' else 'new'}_maps_{'seen' if shapes == 'train' else 'new'}_shapes_"
-            if name not in sets:
-                world = World.open(data, cache, maps=maps, shapes=shapes, first=4, every=10**9)
-                sets[name] = [make_batch(world, CROSS_SEED, k) for k in range(CROSS_BATCHES)]
-            short = summary(_rows(net, sets[name]), name)
-            keys = ("ldr_rmse", "dominant_deg", "dominant_hardest_deg", "power")
-            found |= {name + key: short[name + key] for key in keys}
-        return found
+        return found | (summary(cut, "evaluate_") if cut else {})
 
     return score
 
 
 def _rows(net: LeanNet, batches: list[LightBatch]) -> list[dict[str, float]]:
-    return [row for batch in batches for row in rows_of(net, *tensors_of(batch, _device(net)))]
-
-
-def _device(net: LeanNet) -> str:
-    return str(next(net.parameters()).device)
+    device = str(next(net.parameters()).device)
+    return [row for batch in batches for row in rows_of(net, *tensors_of(batch, device))]

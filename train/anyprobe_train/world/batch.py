@@ -119,9 +119,9 @@ class World:
     most: int = 420
 
     @classmethod
-    def open(cls, data: Path, cache: Path, maps: str = "train", shapes: str = "train", **settings: int) -> World:
-        """Open the maps and shapes of a part each, "train" or "left-out"; what is missing in the cache is made."""
-        return cls(maps=open_maps(data, cache, maps), views=Views(shape_files(data, shapes), cache), **settings)
+    def open(cls, data: Path, cache: Path, part: str = "train", **settings: int) -> World:
+        """Open the maps and shapes of a part, "train" or "left-out"; what is missing in the cache is made."""
+        return cls(maps=open_maps(data, cache, part), views=Views(shape_files(data, part), cache), **settings)
 
     def count(self, k: int) -> int:
         """Return the number of views that batch k draws from."""
