@@ -10,8 +10,9 @@ pytest.importorskip("onnx", reason="needs ./train[torch]")
 pytest.importorskip("tensorboard", reason="needs ./train[torch]")
 
 from anyprobe.errors import InputError, ModelError  # noqa: E402
-from anyprobe_train.light.light_run import LightRunConfig, load_lean_net  # noqa: E402
-from anyprobe_train.train.checkpoint import load_weights, resumed, save_checkpoint, save_init_weights  # noqa: E402
+from anyprobe_train.light.light_run import LightRunConfig  # noqa: E402
+from anyprobe_train.light.network import LeanNet  # noqa: E402
+from anyprobe_train.train.checkpoint import load_trained, load_weights, resumed, save_checkpoint, save_init_weights  # noqa: E402
 
 CONFIG = LightRunConfig()
 
@@ -52,7 +53,7 @@ def test_a_damaged_checkpoint_is_one_clear_line(tmp_path, content):
     before = path.read_bytes()
     asked = (
         lambda: resumed(path, CONFIG, {}, None),
-        lambda: load_lean_net(path),
+        lambda: load_trained(LeanNet(), path),
         lambda: save_init_weights(path, tmp_path / "to.pt"),
     )
     for ask in asked:

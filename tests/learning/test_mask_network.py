@@ -20,15 +20,9 @@ from anyprobe.masks.networks import PADDING_GREY, SMALL_PX, SmallNetwork  # noqa
 from anyprobe_train.mask_network.examples import CLOSE_SIDES, MIN_TARGET_PX, PROMPTS, ask, part_around, unasked_target  # noqa: E402
 from anyprobe_train.mask_network.mask_export import TOLERANCE, export_mask  # noqa: E402
 from anyprobe_train.mask_network.mask_net import MaskNet  # noqa: E402
-from anyprobe_train.mask_network.mask_training import (  # noqa: E402
-    MaskRunConfig,
-    load_mask_net,
-    mask_loss,
-    small_mask_run,
-    train_mask,
-)
+from anyprobe_train.mask_network.mask_training import MaskRunConfig, mask_loss, small_mask_run, train_mask  # noqa: E402
 from anyprobe_train.mask_network.scenes import MaskPhoto, draw_scene, photograph  # noqa: E402
-from anyprobe_train.train.checkpoint import load_weights, read_init_weights  # noqa: E402
+from anyprobe_train.train.checkpoint import load_trained, load_weights, read_init_weights  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -156,7 +150,7 @@ def test_exported_graph_is_the_network(checkpoint, tmp_path):
         warnings.simplefilter("ignore")  # torch's exporter warns about itself
         difference = export_mask(checkpoint, tmp_path / "mask.onnx")
     assert difference <= TOLERANCE
-    net, _ = load_mask_net(checkpoint)
+    net, _ = load_trained(MaskNet(), checkpoint)
     image = torch.rand(1, 4, SMALL_PX, SMALL_PX)
     with torch.no_grad():
         expected = net(image)[0, 0].numpy()

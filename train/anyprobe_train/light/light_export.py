@@ -18,11 +18,11 @@ from anyprobe.estimate.runtime import CONTRACT
 from anyprobe_train.light.both_ways import both_ways
 from anyprobe_train.light.drawing import NEAR_DEG, power_of
 from anyprobe_train.light.given import SHORTEST, Framed, Given, framed
-from anyprobe_train.light.light_run import load_lean_net
 from anyprobe_train.light.light_views import LightViews, given_normals
 from anyprobe_train.light.network import LeanNet, LightAnswer
 from anyprobe_train.light.shown import inverse_display
 from anyprobe_train.light.summed_up import Harmonics
+from anyprobe_train.train.checkpoint import load_trained
 from anyprobe_train.train.export_onnx import FLOATS, write_graph
 
 TOLERANCE = 0.04
@@ -148,7 +148,7 @@ def export_lean(checkpoint: Path, path: Path) -> float:
     Raises:
         ModelError: no checkpoint, or a difference of more than TOLERANCE.
     """
-    net, run = load_lean_net(checkpoint)
+    net, run = load_trained(LeanNet(), checkpoint)
     return write_light(net, path, run)
 
 

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import torch
 
@@ -17,7 +15,6 @@ from anyprobe_train.light.network import LeanNet, LightInputs
 from anyprobe_train.light.pictured import LightTruth, learned, tensors_of
 from anyprobe_train.light.traced import SHARE, traced_photos, with_traced
 from anyprobe_train.nets.blocks import autocast
-from anyprobe_train.train.checkpoint import load_weights, read_checkpoint
 from anyprobe_train.train.loop import learn
 from anyprobe_train.train.muon import MuonAndAdam
 from anyprobe_train.world.batch import LightBatch, World, assets_of
@@ -153,13 +150,3 @@ def run_light(
         scored=scored,
         start=start,
     )
-
-
-def load_lean_net(checkpoint: Path) -> tuple[LeanNet, dict[str, Any]]:
-    """Return the trained network of a checkpoint (the mean of its weights), ready to run, and its step, configuration
-    and origin; ModelError if there is none, or of another release."""
-    stored = read_checkpoint(checkpoint)
-    net = LeanNet()
-    load_weights(net, stored["net"], checkpoint)
-    about = {"step": stored["step"], "origin": stored.get("origin", {}), **json.loads(stored["config"])}
-    return net.eval().requires_grad_(False), about

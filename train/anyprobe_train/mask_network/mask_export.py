@@ -7,7 +7,8 @@ import numpy as np
 import torch
 
 from anyprobe.masks.networks import MASK_CONTRACT, SMALL_PX
-from anyprobe_train.mask_network.mask_training import load_mask_net
+from anyprobe_train.mask_network.mask_net import MaskNet
+from anyprobe_train.train.checkpoint import load_trained
 from anyprobe_train.train.export_onnx import write_graph
 
 TOLERANCE = 0.01
@@ -17,7 +18,7 @@ TOLERANCE = 0.01
 def export_mask(checkpoint: Path, path: Path) -> float:
     """Write mask.onnx of a trained run: "input" [1, 4, 160, 160] to "output" [1, 1, 160, 160]; return its mean
     difference from torch; ModelError if that is more than TOLERANCE."""
-    net, run = load_mask_net(checkpoint)
+    net, run = load_trained(MaskNet(), checkpoint)
     recipe = {
         "run": run["name"],
         "steps": str(run["step"]),

@@ -1,6 +1,5 @@
 """The mask network's training: its settings, its loss, and a step of it."""
 
-import json
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
@@ -13,7 +12,6 @@ from anyprobe.errors import InputError
 from anyprobe_train.mask_network.examples import MaskBatch, MaskRunConfig, mask_batches
 from anyprobe_train.mask_network.mask_net import MaskNet
 from anyprobe_train.nets.blocks import autocast
-from anyprobe_train.train.checkpoint import load_weights, read_checkpoint
 from anyprobe_train.train.loop import learn
 from anyprobe_train.world.batch import World, assets_of
 
@@ -102,12 +100,3 @@ def train_mask(
         last=stop_after,
         start=start,
     )
-
-
-def load_mask_net(checkpoint: Path) -> tuple[MaskNet, dict]:
-    """Load the trained network of a checkpoint (the mean of its weights), its step and its configuration; ModelError if
-    there is none, or of another release."""
-    stored = read_checkpoint(checkpoint)
-    net = MaskNet()
-    load_weights(net, stored["net"], checkpoint)
-    return net.eval().requires_grad_(False), {"step": stored["step"], **json.loads(stored["config"])}

@@ -7,14 +7,16 @@ import zipfile
 from collections.abc import Mapping
 from dataclasses import MISSING, asdict, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
+import numpy as np
 import torch
 from torch import nn
 
 from anyprobe.errors import InputError, ModelError
 from anyprobe.files.atomic import atomic_path
 
+Net = TypeVar("Net", bound=nn.Module)
 CHANGEABLE = ("name", "steps")
 """Settings that may change when a run is resumed."""
 OPTIONS_OF = {"assets": "--data with", "start": "--init-weights with"}
@@ -100,12 +102,11 @@ def read_checkpoint(path: Path, device: str = "cpu") -> dict[str, Any]:
 
 def load_weights(nets: nn.Module, weights: Mapping[str, torch.Tensor], path: Path) -> None:
     """Load a checkpoint's weights into networks; ModelError names the first that does not fit."""
-    wanted = nets.state_dict()
-    for name in {**wanted, **weights}:
-        expected, shape = (
-            list(state[name].shape) if isinstance(state.get(name), torch.Tensor) else "none"
-            for state in (wanted, weights)
-        )
+    wanted, found = (
+        {name: list(np.shape(one)) for name, one in state.items()} for state in (nets.state_dict(), weights)
+    )
+    for name in {**wanted, **found}:
+        expected, shape = wanted.get(name, "none"), found.get(name, "none")
         if expected != shape:
             raise ModelError(
                 f"expected this run's weights, with {name} {expected}, got {shape}; "
@@ -113,6 +114,17 @@ def load_weights(nets: nn.Module, weights: Mapping[str, torch.Tensor], path: Pat
                 source=path,
             )
     nets.load_state_dict(weights)
+
+
+def load_trained(net: Net, checkpoint: Path) -> tuple[Net, dict[str, Any]]:
+    """Load a checkpoint's weights, the mean of the run's, into a network.
+
+    Return it, ready to run, and the run's step, origin and settings; ModelError if there are none that fit.
+    """
+    stored = read_checkpoint(checkpoint)
+    load_weights(net, stored["net"], checkpoint)
+    about = {"step": stored["step"], "origin": stored.get("origin", {}), **json.loads(stored["config"])}
+    return net.eval().requires_grad_(False), about
 
 
 SMALL = 1024
