@@ -7,7 +7,6 @@ from support.refused import refused
 
 torch = pytest.importorskip("torch", reason="needs ./train[torch]")
 pytest.importorskip("onnx", reason="needs ./train[torch]")
-pytest.importorskip("tensorboard", reason="needs ./train[torch]")
 
 from anyprobe.errors import InputError, ModelError  # noqa: E402
 from anyprobe_train.light.light_run import LightRunConfig  # noqa: E402

@@ -13,7 +13,6 @@ import pytest
 torch = pytest.importorskip("torch", reason="needs ./train[torch]")
 pytest.importorskip("onnx", reason="needs ./train[torch]")
 pytest.importorskip("numba", reason="needs ./train[torch]")
-pytest.importorskip("tensorboard", reason="needs ./train[torch]")
 
 from anyprobe.masks.check import object_box  # noqa: E402
 from anyprobe.masks.networks import PADDING_GREY, SMALL_PX, SmallNetwork  # noqa: E402

@@ -9,7 +9,6 @@ from support.folders import snapshot
 
 torch = pytest.importorskip("torch", reason="needs ./train[torch]")
 pytest.importorskip("onnx", reason="needs ./train[torch]")
-pytest.importorskip("tensorboard", reason="needs ./train[torch]")
 
 from anyprobe_train.light import light_run  # noqa: E402
 from anyprobe_train.light.light_run import LightRunConfig  # noqa: E402

@@ -16,7 +16,7 @@ from anyprobe import errors
 from anyprobe.cli.app import app
 
 ROOT = Path(__file__).parents[2]
-HEAVY = {"torch", "fastapi", "cv2", "trimesh", "cyclopts", "rich", "onnx", "pillow_heif", "tensorboard"}
+HEAVY = {"torch", "fastapi", "cv2", "trimesh", "cyclopts", "rich", "onnx", "pillow_heif"}
 MAX_MEMORY_MIB = 150
 
 commands = app.resolved_commands()

@@ -14,7 +14,7 @@ import torch
 from torch import nn
 
 from anyprobe_train.train.checkpoint import load_weights, read_init_weights, resumed, save_checkpoint
-from anyprobe_train.train.logger import RunLogger, run_folder
+from anyprobe_train.train.logger import run_folder, run_log
 from anyprobe_train.train.muon import MuonAndAdam
 
 SAVE_SECONDS, SCORE_SECONDS = 300.0, 1800.0
@@ -93,7 +93,7 @@ def learn(
         state = {"net": mean.state_dict(), "moving": net.state_dict(), "optimizer": optimizer.state_dict()}
         save_checkpoint(path, config, done, origin, state)
 
-    with RunLogger(folder, config.name, columns, first, last, config.steps) as logger, asked_to_stop() as asked:
+    with run_log(folder, config.name, columns, first, last, config.steps) as note, asked_to_stop() as asked:
         try:
             for step, example in enumerate(one_ahead(examples(first, last)), first):
                 rate = learning_rate(config, step)
@@ -102,7 +102,7 @@ def learn(
                 losses, count = do_step(example, rate)
                 move_mean(mean, net, min(config.averaged, (step + 1) / (step + 20)))
                 done = step + 1
-                logger.note(done, done * count, count, losses, rate)
+                note(done, count, losses, rate)
                 is_judged = scored is not None and (time.monotonic() - judged > SCORE_SECONDS or done == config.steps)
                 if is_judged or time.monotonic() - saved > SAVE_SECONDS:
                     keep()
