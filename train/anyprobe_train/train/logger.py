@@ -12,22 +12,10 @@ import torch
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from anyprobe.files.atomic import unwritable
-
 LOG_STEPS = 25
 """Number of steps that a row of log.csv averages."""
 Note = Callable[[int, int, dict[str, torch.Tensor], float], None]
 """Logs a step: so many are done, of so many pairs each; its losses and its learning rate."""
-
-
-def run_folder(runs: Path, name: str) -> Path:
-    """Return the folder of a run, created if absent; OutputError if that fails."""
-    folder = runs / name
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise unwritable(f"--runs {runs}", folder, error) from error
-    return folder
 
 
 @contextmanager

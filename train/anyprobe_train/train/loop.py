@@ -14,7 +14,7 @@ import torch
 from torch import nn
 
 from anyprobe_train.train.checkpoint import load_weights, read_init_weights, resumed, save_checkpoint
-from anyprobe_train.train.logger import run_folder, run_log
+from anyprobe_train.train.logger import run_log
 from anyprobe_train.train.muon import MuonAndAdam
 
 SAVE_SECONDS, SCORE_SECONDS = 300.0, 1800.0
@@ -85,7 +85,7 @@ def learn(
     last = config.steps if last is None else min(last, config.steps)
     if first >= last:
         return path
-    folder = run_folder(runs, config.name)
+    path.parent.mkdir(parents=True, exist_ok=True)
     saved = judged = time.monotonic()
     done = kept = first
 
@@ -93,7 +93,7 @@ def learn(
         state = {"net": mean.state_dict(), "moving": net.state_dict(), "optimizer": optimizer.state_dict()}
         save_checkpoint(path, config, done, origin, state)
 
-    with run_log(folder, config.name, columns, first, last, config.steps) as note, asked_to_stop() as asked:
+    with run_log(path.parent, config.name, columns, first, last, config.steps) as note, asked_to_stop() as asked:
         try:
             for step, example in enumerate(one_ahead(examples(first, last)), first):
                 rate = learning_rate(config, step)
@@ -108,7 +108,7 @@ def learn(
                     keep()
                     kept, saved = done, time.monotonic()
                 if is_judged and scored is not None:
-                    with (folder / "left_out.jsonl").open("a", encoding="utf-8") as stream:
+                    with path.with_name("left_out.jsonl").open("a", encoding="utf-8") as stream:
                         stream.write(json.dumps({"step": done, **scored(mean)}) + "\n")
                     judged = time.monotonic()
                 if asked():
