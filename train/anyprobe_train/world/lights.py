@@ -129,7 +129,7 @@ def make_light(radiance: np.ndarray, outdoors: float, name: str, most: int = MOS
 def draw_light(rng: np.random.Generator, maps: Maps, kind: str) -> Light:
     """Draw a light for a kind of place: "ground" a real map as it is, "real" one varied, "procedural", or "dark"."""
     if kind == "procedural" or (kind == "ground" and rng.random() < 0.06):
-        pool, kinds, names = maps.places["places"], maps.places["outdoors"], None
+        pool, kinds, names = maps.places["radiance"], maps.places["outdoors"], None
         weights = np.full(len(pool), 1.0 / len(pool))
     else:
         pool, kinds, names = maps.real, maps.outdoors, maps.names

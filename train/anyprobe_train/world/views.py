@@ -4,14 +4,12 @@ Shape number k is a function of (its part, k) alone, and so is each file of SHAP
 missing makes it.
 """
 
-import fcntl
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from anyprobe.core.frames import normalize, world_from_camera
-from anyprobe.files.atomic import atomic_path
 from anyprobe.files.objects import MESH_SUFFIXES, read_mesh
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.surface import Surface, frame_object, see
@@ -19,6 +17,7 @@ from anyprobe.render.voxels import SIDE as CELLS
 from anyprobe.render.voxels import voxelize
 from anyprobe_train.dataset.catalog import STRANGE_MESHES, allows_commercial_use, listed_rows
 from anyprobe_train.dataset.drawn_shapes import draw_shape, figure, part, stretched, transformed, waved
+from anyprobe_train.world.kept import kept
 from anyprobe_train.world.march import hidden_bits
 
 VERSION = 3
@@ -203,20 +202,9 @@ class Views:
         """Return view `number`."""
         which, row = divmod(number, SHAPES * CAMERAS)
         if which not in self._open:
-            self._open[which] = np.load(self.make(which), mmap_mode="r")
+            numbers = range(which * SHAPES, (which + 1) * SHAPES)
+            self._open[which] = kept(
+                self.folder / f"{which:05d}.npy",
+                lambda: np.concatenate([shape_views(self.files, number) for number in numbers]),
+            )
         return self._open[which][row]
-
-    def make(self, which: int) -> Path:
-        """Return the path of file `which`, made if it is missing; another process may be at it."""
-        path = self.folder / f"{which:05d}.npy"
-        if path.is_file():
-            return path
-        self.folder.mkdir(parents=True, exist_ok=True)
-        with (self.folder / f"{which:05d}.lock").open("w") as lock:
-            fcntl.flock(lock, fcntl.LOCK_EX)
-            if not path.is_file():
-                numbers = range(which * SHAPES, (which + 1) * SHAPES)
-                views = np.concatenate([shape_views(self.files, number) for number in numbers])
-                with atomic_path(path) as temporary, open(temporary, "wb") as stream:
-                    np.save(stream, views)
-        return path
