@@ -95,7 +95,7 @@ def frozen_page(data: Path) -> str:
     parts, found = [], set()
     for name, (kind, suffixes) in TEST_FOLDERS.items():
         rows = []
-        for path, row in listed_rows(data / name, suffixes, ()):
+        for path, row in listed_rows(data / name, suffixes):
             if path.is_file() and file_id(path) in wanted:
                 found.add(file_id(path))
                 digest = hashlib.sha256(path.read_bytes()).hexdigest()
@@ -140,7 +140,7 @@ def split_licence(stated: str) -> tuple[str, str]:
 
 def _credits(folder: Path, suffixes: tuple[str, ...], taken: set[str]) -> Iterator[tuple[str, str, str]]:
     """Licence and author, source, and file of the files of a folder whose ids are among those taken, by name."""
-    for path, row in listed_rows(folder, suffixes, ()) if folder.is_dir() else ():
+    for path, row in listed_rows(folder, suffixes) if folder.is_dir() else ():
         if allows_commercial_use(row["licence"]) and path.is_file() and file_id(path) in taken:
             name = row.get("name") or row.get("slug") or path.stem
             author = _author(row)

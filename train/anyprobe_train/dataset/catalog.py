@@ -27,10 +27,6 @@ DARKEST = 1e-8
 
 MAP_SUFFIXES = (".exr", ".hdr")
 
-STRANGE_MAPS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".pfm")
-STRANGE_MESHES = (".gltf", ".fbx", ".dae", ".3ds", ".blend", ".usd", ".usdz", ".3mf")
-"""Suffixes of files that may be meant as assets: reported as unusable. Other files are ignored."""
-
 Report = Callable[[str], None]
 Asset = TypeVar("Asset", "MapAsset", "ShapeAsset")
 
@@ -119,7 +115,7 @@ def load_maps(folder: Path, *, commercial_only: bool = False, report: Report | N
             category=row.get("category", ""),
         )
 
-    return _load(Path(folder), MAP_SUFFIXES, STRANGE_MAPS, load, commercial_only, report)
+    return _load(Path(folder), MAP_SUFFIXES, load, commercial_only, report)
 
 
 def load_shapes(folder: Path, *, commercial_only: bool = False, report: Report | None = None) -> list[ShapeAsset]:
@@ -128,7 +124,7 @@ def load_shapes(folder: Path, *, commercial_only: bool = False, report: Report |
     def load(path: Path, row: dict[str, str]) -> ShapeAsset:
         return ShapeAsset(name=path.stem, id=file_id(path), licence=row["licence"], mesh=read_mesh(path))
 
-    return _load(Path(folder), MESH_SUFFIXES, STRANGE_MESHES, load, commercial_only, report)
+    return _load(Path(folder), MESH_SUFFIXES, load, commercial_only, report)
 
 
 def normalize_map(radiance: np.ndarray) -> np.ndarray:
@@ -157,7 +153,6 @@ def _fit(radiance: np.ndarray) -> np.ndarray:
 def _load(
     folder: Path,
     suffixes: tuple[str, ...],
-    strange: tuple[str, ...],
     load: Callable[[Path, dict[str, str]], Asset],
     commercial_only: bool,
     report: Report | None,
@@ -165,13 +160,8 @@ def _load(
     """Load the usable files and report the rest."""
     assets: list[Asset] = []
     num_bad = num_refused = 0
-    expected = "/".join(suffixes)
-    for path, row in listed_rows(folder, suffixes, strange):
+    for path, row in listed_rows(folder, suffixes):
         try:
-            if path.suffix.lower() in strange:
-                raise InputError(
-                    f"expected {expected}, got {path.suffix}; convert it or move it away", source=path.name
-                )
             if commercial_only and not allows_commercial_use(row["licence"]):
                 num_refused += 1
                 continue
@@ -187,7 +177,8 @@ def _load(
             num_bad += 1
     if num_bad and not assets:
         raise InputError(
-            f"expected usable {expected} files, got {num_bad} unusable ones; see the lines above", source=folder
+            f"expected usable {'/'.join(suffixes)} files, got {num_bad} unusable ones; see the lines above",
+            source=folder,
         )
     if num_refused and report is not None:
         report(
@@ -197,13 +188,11 @@ def _load(
     return assets
 
 
-def listed_rows(
-    folder: Path, suffixes: tuple[str, ...], strange: tuple[str, ...]
-) -> Iterator[tuple[Path, dict[str, str]]]:
+def listed_rows(folder: Path, suffixes: tuple[str, ...]) -> Iterator[tuple[Path, dict[str, str]]]:
     """Yield each file of the folder with its row of the manifest (the folder's own or its parent's)."""
     if not folder.is_dir():
         raise InputError(f"expected a folder of {'/'.join(suffixes)} files, found none; check the path", source=folder)
-    files = {path.name for path in visible_files(folder, suffixes + strange)}
+    files = {path.name for path in visible_files(folder, suffixes)}
     place = folder.resolve()
     rows: dict[str, dict[str, str]] = {}
     for home in (place, place.parent):

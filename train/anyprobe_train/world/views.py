@@ -15,7 +15,7 @@ from anyprobe.render.mesh import Mesh
 from anyprobe.render.surface import Surface, frame_object, see
 from anyprobe.render.voxels import SIDE as CELLS
 from anyprobe.render.voxels import voxelize
-from anyprobe_train.dataset.catalog import STRANGE_MESHES, allows_commercial_use, listed_rows
+from anyprobe_train.dataset.catalog import allows_commercial_use, listed_rows
 from anyprobe_train.dataset.drawn_shapes import draw_shape, figure, part, stretched, transformed, waved
 from anyprobe_train.world.kept import kept
 from anyprobe_train.world.march import hidden_bits
@@ -72,7 +72,7 @@ class ShapeFiles:
 
 def shape_files(data: Path, part: str) -> ShapeFiles:
     """List the meshes that shipped weights may learn from ("train"), or those that they may not ("left-out")."""
-    rows = listed_rows(data / "meshes" / "train", MESH_SUFFIXES, STRANGE_MESHES)
+    rows = listed_rows(data / "meshes" / "train", MESH_SUFFIXES)
     wanted = part == "train"
     return ShapeFiles(part=part, paths=tuple(p for p, row in rows if allows_commercial_use(row["licence"]) == wanted))
 
