@@ -30,7 +30,6 @@ FOLDERS = {"hdris": "hdri", "models": "meshes"}
 COLUMNS = "file slug category licence source url authors md5 split resolution files_hash".split()
 
 _SLUG = re.compile(r"[A-Za-z0-9_-]+")
-_MD5 = re.compile(r"[0-9a-f]{32}")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -178,8 +177,6 @@ def _sources(files: dict, kind: str, library: Library) -> dict[str, RemoteFile]:
 
 
 def _remote(entry: dict) -> RemoteFile:
-    if not _MD5.fullmatch(entry["md5"]):  # it becomes part of a file name
-        raise ValueError(f"md5 {entry['md5']!r}")
     return RemoteFile(url=str(entry["url"]), md5=entry["md5"])
 
 
