@@ -3,7 +3,6 @@
 Nothing counts as there before its MD5 agrees. Standard library only.
 """
 
-import email.utils
 import hashlib
 import http.client
 import json
@@ -122,7 +121,8 @@ class Client:
         except urllib.error.HTTPError as error:
             with error:
                 if error.code in (408, 425, 429) or error.code >= 500:
-                    wait_s = _retry_after_s(error.headers.get("Retry-After"))
+                    seconds = (error.headers.get("Retry-After") or "").strip()
+                    wait_s = float(seconds) if seconds.isdecimal() else None
                     raise _Transient(f"HTTP {error.code} {error.reason}", wait_s) from error
                 raise DownloadError(f"{url}: HTTP {error.code} {error.reason}") from error
         except (http.client.InvalidURL, ValueError) as error:  # not an address; no second try
@@ -160,15 +160,3 @@ class Client:
 def md5_of(data: bytes) -> str:
     """MD5 in hexadecimal."""
     return hashlib.md5(data, usedforsecurity=False).hexdigest()
-
-
-def _retry_after_s(text: str | None) -> float | None:
-    """Seconds from a Retry-After header, which holds seconds or a date."""
-    if not text:
-        return None
-    if text.strip().isdecimal():
-        return float(text)
-    try:
-        return max(0.0, email.utils.parsedate_to_datetime(text).timestamp() - time.time())
-    except ValueError:
-        return None

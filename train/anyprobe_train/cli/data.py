@@ -11,9 +11,8 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 from rich.console import Console
-from rich.table import Table
 
-from anyprobe.cli.app import new_app, print_table
+from anyprobe.cli.app import new_app
 from anyprobe.cli.options import bounded
 from anyprobe.errors import AnyprobeError, InputError
 from anyprobe_train.assets import frozen_set, polyhaven
@@ -46,19 +45,24 @@ def fetch(
     api = api or polyhaven.API
     kinds = [one for one in polyhaven.FOLDERS if kind in (one, "all")]
     chosen: list[polyhaven.Asset] = []
+    words: Counter[str] = Counter()
     for one in kinds:
         listed = polyhaven.list_assets(client, one, api)
-        try:
-            matching = polyhaven.choose(listed, category or ())
-        except InputError:
-            if len(kinds) == 1 or (one == kinds[-1] and not chosen):
-                raise
-            continue  # a category of maps only, or of models only
-        chosen += matching[: limit or None]
-        more = "" if len(matching) <= (limit or len(matching)) else "; --limit 0 for all"
-        talk.print(f"{one}: {min(limit or len(matching), len(matching))} of {len(matching)}{more}")
+        words.update(word for asset in listed for word in asset.words)
+        matching = polyhaven.choose(listed, category or ())
+        some = matching[: limit or None]
+        chosen += some
+        more = "; --limit 0 for all" if len(some) < len(matching) else ""
+        talk.print(f"{one}: {len(some)} of {len(matching)}{more}")
+    if not chosen:
+        known = ", ".join(word for word, _ in words.most_common(20))
+        text = f"nothing is in all of: {', '.join(category or ())}; the largest are {known}"
+        raise InputError(text, subject="category")
     if dry_run:
-        _list(chosen, split)
+        for asset in chosen:
+            part = polyhaven.split_of(asset.slug, split)
+            print(asset.slug, asset.kind, part, asset.category, asset.authors, sep=" | ")
+        print(f"Nothing fetched. Powered by Poly Haven, {polyhaven.LICENCE}")
         return
     library = polyhaven.Library(to, client, api=api, resolution=resolution, map_format=map_format, test_share=split)
     is_whole = _report(((one.slug, partial(library.fetch, one)) for one in chosen), len(chosen), talk)
@@ -102,12 +106,3 @@ def _report(files: Iterable[Fetch], count: int, talk: Console) -> bool:
             talk.print(f"anyprobe: {name}: {' '.join(str(error).splitlines())}", soft_wrap=True)
     talk.print(", ".join(f"{some} {status}" for status, some in counts.items()), soft_wrap=True)
     return not counts["failed"] and "not tried" not in counts
-
-
-def _list(chosen: list, share: float) -> None:
-    table = Table("asset", "type", "split", "category", "authors", box=None, pad_edge=False)
-    for asset in chosen:
-        table.add_row(asset.slug, asset.kind, polyhaven.split_of(asset.slug, share), asset.category, asset.authors)
-    show = Console(markup=False, emoji=False, highlight=False)
-    print_table(show, table)
-    show.print(f"Nothing fetched. Powered by Poly Haven, {polyhaven.LICENCE}", soft_wrap=True)
