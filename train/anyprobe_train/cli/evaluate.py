@@ -64,12 +64,7 @@ def evaluate(
         (seed != SEED and frozen, f"--seed {seed}", "pairs drawn at random", "--frozen"),
         (seed != SEED and recipes, f"--seed {seed}", "pairs drawn at random", "--recipes"),
         (frozen and recipes, "--frozen", "one list of pairs", "--recipes"),
-        (
-            recipes and conditions != "clean",
-            f"--conditions {conditions}",
-            "recipes that state no conditions",
-            "--recipes",
-        ),
+        (recipes and conditions != "clean", f"--conditions {conditions}", "pairs whose list says none", "--recipes"),
         (predictions and write_photos, "--predictions", "photos written earlier", "--write-photos"),
         (write_photos and hints, "--hints", "pairs to score", "--write-photos"),
         (write_photos and model != DEFAULT_MODEL, "--model", "pairs to score", "--write-photos"),
@@ -92,21 +87,16 @@ def evaluate(
     drawn = None if frozen or recipes else seed
     chosen, store = _test_set(hdri, meshes, pairs, drawn, recipes, conditions, console)
     title = Path(model).name if predictions is None else predictions.resolve().name
-    methods: dict[str, Method] = {}
-    if write_photos is None:
-        methods = _judged(predictions, [one.key for one in chosen], model, title, hints) | baselines()
-        methods |= truth_methods()
     rendered = (render_pair(one, store) for one in track(chosen, "evaluating", console=console))
-    if write_photos is None:
-        watch = Watch(methods, title, len(chosen))
-        scores = score_pairs(rendered, methods, watch=watch)
-    else:
+    if write_photos is not None:
         with atomic_files(write_photos) as scratch:  # all of them, or none
             for pair in rendered:
                 write_pair(scratch, pair)
-    if write_photos is not None:
         console.print(f"{write_photos}: {len(chosen)} photos; write the maps into another folder, named by key")
         return
+    methods = _judged(predictions, [one.key for one in chosen], model, title, hints) | baselines() | truth_methods()
+    watch = Watch(methods, title, len(chosen))
+    scores = score_pairs(rendered, methods, watch=watch)
     result = {
         "settings": {
             "pairs": len(chosen),
