@@ -24,9 +24,9 @@ TEST_ASSETS = ("--hdri", "h", "--meshes", "m")
     [
         (("run", "light", "--data", "d", "--device", "gpu"), "--device gpu: expected one of cpu"),
         (("run", "light", "--steps", "9", "--dry-run", "2"), "--steps and --dry-run: "),
-        (("run",), "expected --data with hdri and meshes, got none"),
-        (("run", "ligt"), "did you mean light?"),
-        (("run", "mask"), "expected a folder with hdri and meshes, got none"),
+        (("run",), "--data: expected a folder with hdri and meshes, got none"),
+        (("run", "ligt"), 'Did you mean "light"?'),
+        (("run", "mask"), "--data: expected a folder with hdri and meshes, got none"),
         (("run", "mask", "--device", "cuda"), "--device cuda: expected cpu"),
         (("run", "paper", "--steps", "9"), "--steps and --init-weights: expected neither with the run paper"),
         (("export", "o", "paper"), "anyprobe-train paper --graphs FOLDER"),

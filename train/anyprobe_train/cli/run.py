@@ -3,19 +3,17 @@
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
 from anyprobe.cli.options import bounded
-from anyprobe.core.spelling import did_you_mean
 from anyprobe.errors import InputError, MissingExtra
 
 _RUNS = Path("runs")
-RUNS = ("light", "mask", "paper")
-"""Runs of the light network, of the network that proposes the object, and of the paper's three."""
 Data = Annotated[Path | None, Parameter(help="Folder with hdri/train and meshes/train.")]
-RunName = Annotated[str, Parameter(name="RUN", help="Named run; see docs/how-to/training.md.")]
+RunName = Annotated[Literal["light", "mask", "paper"], Parameter(name="RUN", help="See docs/how-to/training.md.")]
+"""Runs of the light network, of the network that proposes the object, and of the paper's three."""
 
 
 def run(
@@ -37,7 +35,6 @@ def run(
     setting: Annotated[str, Parameter(help="Sizes of the run paper: full, quarter, short, small or tiny.")] = "full",
 ) -> None:
     """Train a model on photos of a world that is made meanwhile. An interrupted run resumes exactly."""
-    _check_name(name)
     need_torch("training")
     if name == "paper":
         from anyprobe_train.paper.reproduce import reproduce
@@ -67,11 +64,6 @@ def run(
     print(train_light(data, runs, steps, dry_run, device, workers, init_weights))
 
 
-def _check_name(name: str) -> None:
-    if name not in RUNS:
-        raise InputError(f"expected one of {', '.join(RUNS)}{did_you_mean(name, RUNS)}", source=f"run {name!r}")
-
-
 def export(
     to: Annotated[Path, Parameter(name="FOLDER", help="Folder for the .onnx graphs.")],
     name: RunName = "light",
@@ -81,7 +73,6 @@ def export(
     keep: Annotated[Path | None, Parameter(help="Also save the weights to this .pt, for run --init-weights.")] = None,
 ) -> None:
     """Export a trained run as ONNX. The graphs are checked against torch."""
-    _check_name(name)
     need_torch("training")
     if name == "paper":
         text = "expected one network, got the paper's three; export them with anyprobe-train paper --graphs FOLDER"

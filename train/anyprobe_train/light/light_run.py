@@ -73,9 +73,6 @@ def train_light(
     known = ("cpu", "cuda") if torch.cuda.is_available() else ("cpu",)
     if device not in known:
         raise InputError(f"expected one of {', '.join(known)}", subject="device", source=device)
-    if data is None or not all((data / name).is_dir() for name in ("hdri", "meshes")):
-        text = "expected --data with hdri and meshes, got none; fetch them with anyprobe-train data"
-        raise InputError(text, source=data)
     config, settings = LightRunConfig(), {}
     if steps is not None:
         config = replace(config, steps=steps)

@@ -8,7 +8,6 @@ from pathlib import Path
 import torch
 from torch.nn import functional as F
 
-from anyprobe.errors import InputError
 from anyprobe_train.mask_network.examples import MaskBatch, MaskRunConfig, mask_batches
 from anyprobe_train.mask_network.mask_net import MaskNet
 from anyprobe_train.nets.blocks import autocast
@@ -55,10 +54,7 @@ def train_mask(
     torch.manual_seed(config.seed)
     net = MaskNet().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     optimizer = torch.optim.AdamW(net.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay)
-    if world is None:
-        if data is None:
-            raise InputError("expected a folder with hdri and meshes, got none", subject="data")
-        world = World.open(data, runs / "world", first=config.views)
+    world = world or World.open(data, runs / "world", first=config.views)
     origin, batches = {"assets": assets_of(world)}, partial(mask_batches, world, config)
 
     def examples(first: int, last: int) -> Iterator[MaskBatch]:

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from anyprobe.core.color import luminance
+from anyprobe.errors import InputError
 from anyprobe.light.environment import integral
 from anyprobe.light.light_sources import split_sources
 from anyprobe.scatter.materials import Material
@@ -119,8 +120,15 @@ class World:
     most: int = 420
 
     @classmethod
-    def open(cls, data: Path, cache: Path, part: str = "train", **settings: int) -> World:
-        """Open the maps and shapes of a part, "train" or "left-out"; what is missing in the cache is made."""
+    def open(cls, data: Path | None, cache: Path, part: str = "train", **settings: int) -> World:
+        """Open the maps and shapes of a part, "train" or "left-out"; what is missing in the cache is made.
+
+        Raises:
+            InputError: no data.
+        """
+        if data is None or not all((data / name).is_dir() for name in ("hdri", "meshes")):
+            text = "expected a folder with hdri and meshes, got none; fetch them with anyprobe-train data"
+            raise InputError(text, subject="data", source=data or "")
         return cls(maps=open_maps(data, cache, part), views=Views(shape_files(data, part), cache), **settings)
 
     def count(self, k: int) -> int:

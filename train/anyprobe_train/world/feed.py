@@ -25,7 +25,7 @@ GROUP = 8
 _WORLD: list[World] = []
 
 
-def _open(data: Path, cache: Path, settings: dict[str, Any]) -> None:
+def _open(data: Path | None, cache: Path, settings: dict[str, Any]) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _WORLD.append(World.open(data, cache, **settings))
 
@@ -35,7 +35,7 @@ def _made(seed: int, k: int) -> LightBatch:
 
 
 def feed(
-    data: Path, cache: Path, seed: int, *, workers: int = 1, step: int = 0, **settings: int | str
+    data: Path | None, cache: Path, seed: int, *, workers: int = 1, step: int = 0, **settings: int
 ) -> Iterator[LightBatch]:
     """Yield batches from step `step` on, each once its photos are made; once closed, its processes end.
 
