@@ -12,7 +12,6 @@ import urllib.error
 import urllib.parse
 import urllib.request
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from anyprobe import __version__
 from anyprobe.errors import AnyprobeError
@@ -54,14 +53,6 @@ class _Transient(Exception):
         self.wait_s = wait_s
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class RemoteFile:
-    """A file as its publisher describes it."""
-
-    url: str
-    md5: str
-
-
 Fetch = tuple[str, Callable[[], str]]
 """The name of a file, and what fetches it and says its status: fetched, complete (it was there), kept (a file of the
 user's), or cannot be had, and after a colon why. It may raise an AnyprobeError; after ServerBusy no other file is to be
@@ -94,18 +85,18 @@ class Client:
             )
         return answer
 
-    def download(self, remote: RemoteFile) -> bytes:
-        """Return a file, whose MD5 agrees.
+    def download(self, url: str, md5: str) -> bytes:
+        """Return a file, whose MD5 agrees with its publisher's.
 
         Raises:
             DownloadError: it cannot be had, or has the wrong MD5 twice.
         """
         for _ in range(2):
-            body = self._patiently(remote.url)
+            body = self._patiently(url)
             found = md5_of(body)
-            if found == remote.md5:
+            if found == md5:
                 return body
-        raise DownloadError(f"{remote.url}: expected MD5 {remote.md5}, got {found}, twice; tell the publisher")
+        raise DownloadError(f"{url}: expected MD5 {md5}, got {found}, twice; tell the publisher")
 
     def _get(self, url: str) -> bytes:
         """Return the body of a response of status 200; trouble that may pass becomes _Transient."""

@@ -21,7 +21,7 @@ from anyprobe.errors import InvalidEnvironment
 from anyprobe.files.atomic import atomic_path
 from anyprobe.maps.exr import read_exr
 from anyprobe.maps.radiance import decode_hdr
-from anyprobe_train.assets.download import Client, DownloadError, Fetch, RemoteFile
+from anyprobe_train.assets.download import Client, DownloadError, Fetch
 from anyprobe_train.assets.manifest import Manifest
 from anyprobe_train.dataset.catalog import Row
 from anyprobe_train.dataset.recipe import digest, read_recipes
@@ -75,7 +75,7 @@ def _fetch(one: Row, to: Path, client: Client, host: str) -> str:
     if not one["md5"]:
         return f"cannot be had: prepared by software that was not recorded, from {source}"
     target, url = to / one["file"], "/".join([host.rstrip("/"), one["repository"], one["commit"], one["path"]])
-    data = client.download(RemoteFile(url=url, md5=one["md5"]))
+    data = client.download(url, one["md5"])
     with atomic_path(target) as temporary:
         (_make_map if target.suffix == ".exr" else _make_shape)(one, data, temporary)
         found = hashlib.sha256(temporary.read_bytes()).hexdigest()

@@ -19,7 +19,7 @@ from anyprobe.errors import InputError
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.objects import read_mesh
 from anyprobe.maps.radiance import read_radiance
-from anyprobe_train.assets.download import Client, DownloadError, RemoteFile, md5_of
+from anyprobe_train.assets.download import Client, DownloadError, md5_of
 from anyprobe_train.assets.manifest import Manifest
 
 API = "https://api.polyhaven.com"
@@ -122,7 +122,7 @@ class Library:
         if whole and old == target and asset.files_hash and all(row.get(key) == one for key, one in wanted.items()):
             return "complete"
         sources = _sources(self.client.get_json(f"{self.api.rstrip('/')}/files/{asset.slug}"), asset.kind, self)
-        parts = {path: self.client.download(remote) for path, remote in sources.items()}
+        parts = {path: self.client.download(*remote) for path, remote in sources.items()}
         body = parts[""] if is_map else _packed(parts)
         with atomic_path(target) as temporary:
             temporary.write_bytes(body)
@@ -134,7 +134,7 @@ class Library:
                     "category": asset.category,
                     "licence": LICENCE,
                     "source": asset.source,
-                    "url": sources[""].url,
+                    "url": sources[""][0],
                     "authors": asset.authors,
                     "md5": md5_of(body),
                     "split": split,
@@ -146,8 +146,8 @@ class Library:
         return "fetched"
 
 
-def _sources(files: dict, kind: str, library: Library) -> dict[str, RemoteFile]:
-    """Return what to download of an asset: "" is the map or the .gltf, other keys are paths beside the .gltf."""
+def _sources(files: dict, kind: str, library: Library) -> dict[str, tuple[str, str]]:
+    """Return address and MD5 of what an asset is of: "" is the map or the .gltf, other keys are paths beside it."""
     try:
         if kind == "hdris":
             tree = files["hdri"]
@@ -163,8 +163,8 @@ def _sources(files: dict, kind: str, library: Library) -> dict[str, RemoteFile]:
         raise DownloadError(f"the API's list of files is not understood ({error!r})") from error
 
 
-def _remote(entry: dict) -> RemoteFile:
-    return RemoteFile(url=str(entry["url"]), md5=entry["md5"])
+def _remote(entry: dict) -> tuple[str, str]:
+    return str(entry["url"]), entry["md5"]
 
 
 def _pixels(resolution: str) -> int:
