@@ -3,7 +3,6 @@
 import hashlib
 import io
 import json
-import zipfile
 from collections.abc import Mapping
 from dataclasses import MISSING, asdict, fields
 from pathlib import Path
@@ -78,9 +77,12 @@ def save_checkpoint(path: Path, config: Any, step: int, origin: Mapping[str, Any
     Raises:
         OutputError: it cannot be written.
     """
-    about = {"step": step, "config": json.dumps(asdict(config)), "origin": dict(origin)}
+    _save(path, {**state, "step": step, "config": json.dumps(asdict(config)), "origin": dict(origin)})
+
+
+def _save(path: Path, content: dict[str, Any]) -> None:
     data = io.BytesIO()  # torch reports a full disk as an error of its own, Python as one of files
-    torch.save({**state, **about}, data)
+    torch.save(content, data)
     with atomic_path(path) as temporary:
         temporary.write_bytes(data.getbuffer())
 
@@ -132,8 +134,8 @@ SMALL = 1024
 
 
 def save_init_weights(checkpoint: Path, path: Path, with_pairs: bool = False) -> None:
-    """Save a checkpoint's weights, compressed, large tensors as float16, with the number of pairs they have seen or
-    without; read_init_weights reads them.
+    """Save a checkpoint's weights, large tensors as float16, with the number of pairs they have seen or without;
+    read_init_weights reads them.
 
     Raises:
         ModelError: of read_checkpoint.
@@ -148,11 +150,7 @@ def save_init_weights(checkpoint: Path, path: Path, with_pairs: bool = False) ->
         for name, value in stored["net"].items()
     }
     pairs = {"pairs": stored["step"] * json.loads(stored["config"])["batch"]}
-    plain = io.BytesIO()
-    torch.save({"nets": halved, **pairs} if with_pairs else halved, plain)
-    with atomic_path(path) as temporary, zipfile.ZipFile(plain) as source, zipfile.ZipFile(temporary, "w") as target:
-        for name in source.namelist():  # torch.load reads it; half floats shrink by a twelfth
-            target.writestr(zipfile.ZipInfo(name), source.read(name), zipfile.ZIP_DEFLATED, compresslevel=9)
+    _save(path, {"nets": halved, **pairs} if with_pairs else halved)
 
 
 def init_weights_id(path: Path) -> str:
