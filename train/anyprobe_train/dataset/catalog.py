@@ -165,10 +165,6 @@ def _load(
             if commercial_only and not allows_commercial_use(row["licence"]):
                 num_refused += 1
                 continue
-            if not path.exists():
-                raise InputError(
-                    f"expected in {folder}, as manifest.csv lists it, got none; fetch it again", source=path.name
-                )
             assets.append(load(path, row))
         except InputError as error:
             if report is None:
