@@ -8,7 +8,7 @@ from torch.nn import functional as F
 
 from anyprobe_train.light.drawing import SLOTS, SOURCE_ROWS
 from anyprobe_train.light.network import LeanNet, LightAnswer, LightInputs
-from anyprobe_train.light.pictured import mirrored_inputs
+from anyprobe_train.light.pictured import mirrored_inputs, other_side
 from anyprobe_train.world.batch import fieldwise
 
 ORDERS = tuple((0, *others) for others in permutations(range(1, SLOTS)))
@@ -29,11 +29,10 @@ def both_ways(net: LeanNet, inputs: LightInputs) -> LightAnswer:
         return {one.name: getattr(answer, one.name)[rows] for one in fields(LightAnswer)}
 
     ours, theirs = half(slice(0, count)), half(slice(count, None))
-    for name in ("ln_shown", "density", "confidence", "normals"):
+    for name in ("ln_shown", "density", "confidence"):
         theirs[name] = theirs[name].flip(3)
-    side = theirs["normals"].new_tensor([-1.0, 1.0, 1.0])
-    theirs["normals"] = theirs["normals"] * side[:, None, None]
-    theirs["posture"] = theirs["posture"] * side.flip(0)
+    theirs["normals"] = other_side(theirs["normals"])
+    theirs["posture"] = theirs["posture"] * theirs["posture"].new_tensor([1.0, 1.0, -1.0])
     theirs["places"] = theirs["places"].unflatten(2, (SOURCE_ROWS, 2 * SOURCE_ROWS)).flip(3).flatten(2)
     order = _alike(ours["places"], theirs["places"])
     for name in ("places", "exists", "ln_radius", "ln_powers"):

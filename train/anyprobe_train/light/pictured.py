@@ -84,33 +84,23 @@ def seen_again(inputs: LightInputs, some: torch.Tensor) -> LightInputs:
 
 def mirrored_inputs(inputs: LightInputs) -> LightInputs:
     """Exchange left and right."""
-    return LightInputs(
-        context=inputs.context.flip(3),
-        crop=inputs.crop.flip(3),
-        picture=inputs.picture.flip(3),
-        seen=inputs.seen.flip(3),
-        lens=inputs.lens * inputs.lens.new_tensor([1.0, -1.0, 1.0, 1.0, 1.0]),
-        up=_other_side(inputs.up),
-        normals=_other_side(inputs.normals.flip(3).transpose(1, 3)).transpose(1, 3),
-        material=inputs.material,
-        sun=_other_side(inputs.sun),
-    )
+    pictures = {name: getattr(inputs, name).flip(3) for name in ("context", "crop", "picture", "seen")}
+    lens = inputs.lens * inputs.lens.new_tensor([1.0, -1.0, 1.0, 1.0, 1.0])
+    sides = {name: other_side(getattr(inputs, name)) for name in ("up", "normals", "sun")}
+    return replace(inputs, **pictures, lens=lens, **sides)
 
 
 def mirrored_truth(truth: LightTruth) -> LightTruth:
     """Exchange left and right."""
     signs = truth.sources.new_tensor([1.0, -1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0])
-    return replace(
-        truth,
-        radiance=truth.radiance.flip(3),
-        sources=truth.sources * signs,
-        up=_other_side(truth.up),
-        normals=_other_side(truth.normals.flip(3).transpose(1, 3)).transpose(1, 3),
-    )
+    sides = {name: other_side(getattr(truth, name)) for name in ("up", "normals")}
+    return replace(truth, radiance=truth.radiance.flip(3), sources=truth.sources * signs, **sides)
 
 
-def _other_side(vectors: torch.Tensor) -> torch.Tensor:
-    return vectors * vectors.new_tensor([-1.0, 1.0, 1.0])
+def other_side(vectors: torch.Tensor) -> torch.Tensor:
+    """Exchange left and right of vectors [N, 3], or of pictures of them [N, 3, H, W]."""
+    turned = vectors.flip(3) if vectors.dim() == 4 else vectors
+    return turned * vectors.new_tensor([-1.0, 1.0, 1.0]).view(-1, *[1] * (vectors.dim() - 2))
 
 
 def learned(inputs: LightInputs, truth: LightTruth, seed: tuple[int, int]) -> tuple[LightInputs, LightTruth]:
