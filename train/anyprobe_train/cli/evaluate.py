@@ -160,11 +160,11 @@ def _test_set(
         text = f"expected at most {len(listed)}, the pairs of {name}, got more; ask for fewer"
         raise InputError(text, subject="pairs", source=pairs)
     store = AssetStore(load_maps(hdri, report=warn), load_shapes(meshes, report=warn))
-    if path is not None:
-        require_assets(listed[:pairs], store, path, "give the folders that they are made from")
-        return listed[:pairs], store  # a list says the conditions of its pairs
-    require_assets(listed[:pairs], store, "--frozen", f"{OF_FROZEN}, or leave out --frozen")
+    advice = f"{OF_FROZEN}, or leave out --frozen" if path is None else "give the folders that they are made from"
+    require_assets(listed[:pairs], store, path or "--frozen", advice)
     recipes = listed[:pairs] if seed is None else balanced_recipes(store, pairs, seed)
+    if path is not None:
+        return recipes, store  # a list says the conditions of its pairs
     return [replace(recipe, conditions=CONDITIONS.index(conditions)) for recipe in recipes], store
 
 
