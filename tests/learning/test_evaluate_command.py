@@ -85,7 +85,7 @@ def test_every_group_has_every_method_and_its_confidence(work, command, rendered
     confidence = written(work)["confidence"]
     assert {"error", "claimed", "right", "bins"} <= set(confidence), "what readers had before"
     assert confidence["constant"]["claimed"] == confidence["right"]
-    assert set(confidence["groups"]) == {*groups, "seen half", "unseen half"} - {"all"}
+    assert set(confidence["groups"]) == {*groups} - {"all"}
     (row,) = [line for line in printed.splitlines() if line.startswith("│ indoor ")]
     indoor = confidence["groups"]["indoor"]
     for name in ("error", "brier", "log_loss"):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
+from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe_train.evaluate.calibration import CLOSE, Calibration
 
 
@@ -79,12 +79,3 @@ def test_ranking_is_seen_where_a_constant_claims_as_well(change, auc):
     calibration = Calibration()
     calibration.add(confidence, estimate, truth)
     assert calibration.result()["auc"] == pytest.approx(auc)
-
-
-def test_the_seen_half_is_behind_the_camera():
-    truth = np.zeros((64, 128, 3))
-    estimate = np.where(pixel_directions(64)[..., 2:] > 0, truth, 1.0)
-    calibration = Calibration()
-    calibration.add(np.full((64, 128), 0.25), estimate, truth)
-    groups = calibration.result()["groups"]
-    assert (groups["seen half"]["right"], groups["unseen half"]["right"]) == (1.0, 0.0)

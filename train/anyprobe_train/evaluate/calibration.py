@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
+from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe_train.evaluate.scoring import GROUPS
 
 NEAREST = 1e-4
@@ -15,18 +15,16 @@ BINS = 10
 """Number of bins of the calibration error; docs and model cards quote it over these."""
 FINE = 100
 """Number of bins that are stored: two claims in one bin count as equal in the AUC."""
-HALVES = ("seen half", "unseen half")
-"""Halves of every map: behind the camera, which the object faces, and behind the object."""
 
 
 class Calibration:
     """Counts, over many maps and weighted by solid angle, of how often pixels of each confidence are right.
 
-    By the groups of evaluate.scoring and by the halves of the map. What is kept does not grow with the maps.
+    By the groups of evaluate.scoring. What is kept does not grow with the maps.
     """
 
     def __init__(self) -> None:
-        self._sums = {name: np.zeros((5, FINE)) for name in (*GROUPS, *HALVES)}
+        self._sums = {name: np.zeros((5, FINE)) for name in GROUPS}
 
     def add(self, confidence: np.ndarray, ldr: np.ndarray, true_ldr: np.ndarray, groups: Iterable[str] = ()) -> None:
         """Add one map: confidence [H, 2H] in [0, 1], estimated and true display values [H, 2H, 3].
@@ -36,18 +34,12 @@ class Calibration:
         right = np.abs(np.asarray(ldr, np.float64) - true_ldr).mean(axis=-1) < CLOSE
         weight = np.broadcast_to(pixel_solid_angles(len(right)), right.shape)
         bins = np.minimum((confidence * FINE).astype(int), FINE - 1)
-        is_seen_half = pixel_directions(len(right))[..., 2] > 0
         probability = np.where(right, confidence, 1.0 - confidence)
         surprise = -np.log(np.clip(probability, NEAREST, 1.0))
         values = (weight, weight * confidence, weight * right, weight * (1 - probability) ** 2, weight * surprise)
-        halves = [
-            np.stack([np.bincount(bins[half], value[half], minlength=FINE) for value in values])
-            for half in (is_seen_half, ~is_seen_half)
-        ]
-        for name, sums in zip(HALVES, halves, strict=True):
-            self._sums[name] += sums
+        sums = np.stack([np.bincount(bins.ravel(), value.ravel(), minlength=FINE) for value in values])
         for name in {"all", *groups}:
-            self._sums[name] += sum(halves)
+            self._sums[name] += sums
 
     def result(self) -> dict | None:
         """Return `figures` of all maps, their bins, and `figures` of each group that occurs; None before the first map.
