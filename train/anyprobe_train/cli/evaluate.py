@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -94,9 +94,9 @@ def evaluate(
                 write_pair(scratch, pair)
         console.print(f"{write_photos}: {len(chosen)} photos; write the maps into another folder, named by key")
         return
-    methods = _judged(predictions, [one.key for one in chosen], model, title, hints) | baselines() | truth_methods()
-    watch = Watch(methods, title, len(chosen))
-    scores = score_pairs(rendered, methods, watch=watch)
+    judged = _judged(predictions, [one.key for one in chosen], model, title, hints)
+    watch = Watch(judged, title, len(chosen))
+    scores = score_pairs(rendered, judged | baselines() | truth_methods(), watch=watch)
     result = {
         "settings": {
             "pairs": len(chosen),
@@ -171,12 +171,9 @@ def _test_set(
 class Watch:
     """Record of all pairs with their estimates: calibration, the irradiance image, and pictures (paper, Fig. 11)."""
 
-    def __init__(self, methods: Mapping[str, Method], title: str, pairs: int) -> None:
+    def __init__(self, judged: Iterable[str], title: str, pairs: int) -> None:
         from anyprobe_train.evaluate.calibration import Calibration
 
-        judged = (
-            name for name in methods if name == title or name.startswith(f"{title}, ") and name.endswith(" given")
-        )
         self.title, self.calibrations = title, {name: Calibration() for name in judged}
         self.irradiance: list[dict[str, float]] = []
         self.every = max(1, pairs // 16) | 1  # odd: even steps would show a few shapes only

@@ -40,7 +40,8 @@ def answers(net: LeanNet, inputs: LightInputs) -> Iterator[LightAnswer]:
 
 
 def rows_of(net: LeanNet, inputs: LightInputs, truth: LightTruth) -> Iterator[dict[str, float]]:
-    """Yield the figures of each photo."""
+    """Yield the figures of each photo: errors of display values, of the dominant light [degrees] and its true share, of
+    power [stops], false sources, and what else is said."""
     at = 0
     for guess in answers(net, inputs):
         maps = torch.exp(guess.ln_radiance).permute(0, 2, 3, 1).cpu().numpy()
@@ -52,26 +53,17 @@ def rows_of(net: LeanNet, inputs: LightInputs, truth: LightTruth) -> Iterator[di
             said, known = float(guess.outdoors[k]) > 0, float(truth.outdoors[at])
             yield {
                 "family": float(truth.family[at]),
-                **map_figures(ours, true, sources[k]),
+                "ldr_rmse": rmse(response(ours), response(true)),
+                "dominant": direction_error_deg(*(find_dominant_light(one).direction for one in (ours, true))),
+                "share": dominant_light_share(true),
+                "power": abs(power_ratio_stops(ours, true)),
+                "false_sources": float(false_sources(find_sources(ours, sources[k]), ours, true)),
                 "pitch": abs(float(np.degrees(guess.posture[k, 0].cpu())) - pitch[at]),
                 "outdoors": np.nan if np.isnan(known) else float(said == (known > 0.5)),
                 "soft": float((float(guess.soft[k]) > 0) == (float(truth.soft[at]) > 0.5)),
                 "lens": abs(float(np.degrees(2 * np.arctan(np.exp(guess.lens[k, 0].cpu())))) - float(truth.fov[at])),
             }
             at += 1
-
-
-def map_figures(ours: np.ndarray, true: np.ndarray, said: np.ndarray | None = None) -> dict[str, float]:
-    """Return LDR RMSE, dominant light [degrees] and its true share, power [stops], false sources, of two maps.
-
-    said: of ours' sources, see light_sources.find_sources."""
-    return {
-        "ldr_rmse": rmse(response(ours), response(true)),
-        "dominant": direction_error_deg(find_dominant_light(ours).direction, find_dominant_light(true).direction),
-        "share": dominant_light_share(true),
-        "power": abs(power_ratio_stops(ours, true)),
-        "false_sources": float(false_sources(find_sources(ours, said), ours, true)),
-    }
 
 
 def summary(rows: list[dict[str, float]], prefix: str) -> dict[str, float]:
