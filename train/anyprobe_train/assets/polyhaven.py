@@ -90,7 +90,7 @@ def split_of(slug: str, share: float) -> str:
     return "test" if _hash("split", family(slug)) < share else "train"
 
 
-@dataclass
+@dataclass(frozen=True)
 class Library:
     """A folder that fills with assets; asks the server only for what is not complete."""
 
@@ -101,14 +101,10 @@ class Library:
     map_format: str = "hdr"
     test_share: float = 0.1
 
-    def __post_init__(self) -> None:
-        self.manifests = {
-            kind: Manifest(Path(self.root) / name / "manifest.csv", COLUMNS) for kind, name in FOLDERS.items()
-        }
-
     def fetch(self, asset: Asset) -> str:
         """Bring one asset into the folder; see download.Fetch."""
-        manifest, split = self.manifests[asset.kind], split_of(asset.slug, self.test_share)
+        manifest = Manifest(self.root / FOLDERS[asset.kind] / "manifest.csv", COLUMNS)
+        split = split_of(asset.slug, self.test_share)
         folder = manifest.path.parent
         is_map = asset.kind == "hdris"
         resolution = self.resolution if is_map else ""  # a model's triangles do not depend on it
