@@ -19,14 +19,8 @@ def export_mask(checkpoint: Path, path: Path) -> float:
     """Write mask.onnx of a trained run: "input" [1, 4, 160, 160] to "output" [1, 1, 160, 160]; return its mean
     difference from torch; ModelError if that is more than TOLERANCE."""
     net, run = load_trained(MaskNet(), checkpoint)
-    scenes = str(run["scenes"] + run["step"] * run["fresh"])
-    about = {
-        **MASK_CONTRACT,
-        "run": run["name"],
-        "steps": str(run["step"]),
-        "scenes": scenes,
-        "config": json.dumps(run),
-    }
+    about = {**MASK_CONTRACT, "run": run["name"], "steps": str(run["step"]), "config": json.dumps(run)}
+    about["scenes"] = str(run["scenes"] + run["step"] * run["fresh"])
     example = torch.rand((1, 4, SMALL_PX, SMALL_PX), generator=torch.Generator().manual_seed(0))
     return write_graph(
         net, {"input": example}, ("output",), about, path, tolerance=TOLERANCE, dynamic={}, typical=np.mean

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import torch
@@ -55,10 +54,10 @@ def train_mask(
     net = MaskNet().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     optimizer = torch.optim.AdamW(net.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay)
     world = world or World.open(data, runs / "world", first=config.views)
-    origin, batches = {"assets": assets_of(world)}, partial(mask_batches, world, config)
+    origin = {"assets": assets_of(world)}
 
     def examples(first: int, last: int) -> Iterator[MaskBatch]:
-        for step, batch in enumerate(batches(first, last), first):
+        for step, batch in enumerate(mask_batches(world, config, first, last), first):
             if step < config.small_steps:
                 batch = tuple(F.interpolate(one, size=(config.small, config.small), mode="area") for one in batch)
             yield batch
@@ -83,7 +82,6 @@ def train_mask(
         iou = (estimate & truth).sum(dim=(1, 2, 3)) / (estimate | truth).sum(dim=(1, 2, 3)).clip(min=1)
         return {"loss": loss, "iou": iou[full].mean()}, len(image)
 
-    figures = ("loss", "iou")
     return learn(
         config,
         net,
@@ -91,7 +89,7 @@ def train_mask(
         do_step,
         examples,
         runs=runs,
-        columns=figures,
+        columns=("loss", "iou"),
         origin=origin,
         last=stop_after,
         start=start,

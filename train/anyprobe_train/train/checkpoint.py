@@ -19,7 +19,6 @@ Net = TypeVar("Net", bound=nn.Module)
 CHANGEABLE = ("name", "steps")
 """Settings that may change when a run is resumed."""
 OPTIONS_OF = {"assets": "--data with", "start": "--init-weights with"}
-NO_CHECKPOINT = "expected a run's checkpoint, got a damaged file or none of a run; train again, or restore a copy"
 
 
 def resumed(
@@ -93,12 +92,12 @@ def read_checkpoint(path: Path, device: str = "cpu") -> dict[str, Any]:
         raise ModelError("no such checkpoint; train first", source=path)
     try:
         stored = torch.load(path, map_location=device, weights_only=True)
-        kinds = stored["net"], json.loads(stored["config"]), stored["step"]
-        is_one = all(isinstance(one, kind) for one, kind in zip(kinds, (Mapping, dict, int), strict=True))
+        parts = stored["net"], json.loads(stored["config"]), stored["step"]
+        if not all(isinstance(one, kind) for one, kind in zip(parts, (Mapping, dict, int), strict=True)):
+            raise TypeError("not of a run")
     except Exception as error:  # torch raises many kinds for a damaged file
-        raise ModelError(NO_CHECKPOINT, source=path) from error
-    if not is_one:
-        raise ModelError(NO_CHECKPOINT, source=path)
+        text = "expected a run's checkpoint, got a damaged file or none of a run; train again, or restore a copy"
+        raise ModelError(text, source=path) from error
     return dict(stored)
 
 
