@@ -11,8 +11,9 @@ from anyprobe.core.latlong import pixel_directions  # noqa: E402
 from anyprobe.estimate.light_graph import INPUTS, OUTPUTS, graph_inputs  # noqa: E402
 from anyprobe_train.light.given import Given  # noqa: E402
 from anyprobe_train.light.light_export import LeanGraph, write_light  # noqa: E402
-from anyprobe_train.light.light_views import ASSUMED_TANGENT, LightViews  # noqa: E402
+from anyprobe_train.light.light_views import LightViews  # noqa: E402
 from anyprobe_train.light.network import LeanNet  # noqa: E402
+from anyprobe_train.world.batch import ASSUMED_TANGENT  # noqa: E402
 
 pytestmark = pytest.mark.ci
 

@@ -12,9 +12,9 @@ from anyprobe.files.atomic import atomic_path
 from anyprobe.light.environment import MAP_HEIGHT, reduced
 from anyprobe.maps.radiance import read_radiance
 from anyprobe.pictures.images import write_png
+from anyprobe_train.dataset.catalog import MAP_SUFFIXES
 from anyprobe_train.dataset.pair import Pair
 
-_SUFFIXES = (".exr", ".hdr")
 _FRAME = (
     "map H x 2H in the camera's frame: +X right, +Y up, the camera looks along -Z; row 0 up, "
     "u = 0.5 + atan2(x, -z) / (2 pi), the photo's middle in the map's middle"
@@ -63,7 +63,7 @@ def read_predictions(folder: Path, keys: Sequence[str]) -> dict[str, np.ndarray]
         raise InputError(
             "expected a folder of maps named by key, got none; write KEY.exr or KEY.hdr there", source=folder
         )
-    found = {key: [path for s in _SUFFIXES if (path := folder / f"{key}{s}").is_file()] for key in keys}
+    found = {key: [path for s in MAP_SUFFIXES if (path := folder / f"{key}{s}").is_file()] for key in keys}
     absent = [key for key, paths in found.items() if not paths]
     if absent:
         raise InputError(

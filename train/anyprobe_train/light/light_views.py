@@ -5,7 +5,6 @@ All of it belongs to the exported graph, which takes one photo at a time; the wo
 
 from __future__ import annotations
 
-import numpy as np
 import torch
 from torch import nn
 
@@ -14,9 +13,7 @@ from anyprobe_train.light.network import NORMALS_SIDE, PICTURE_PX, LightInputs
 from anyprobe_train.light.read_windows import read_photo, read_window
 from anyprobe_train.light.seen_on_sphere import SeenOnSphere
 from anyprobe_train.light.shape import CROP_PX
-
-ASSUMED_TANGENT = float(np.tan(np.radians(30.0)))
-"""Tangent of half the longer side's field where the lens is not known."""
+from anyprobe_train.world.batch import ASSUMED_TANGENT
 
 
 class LightViews(nn.Module):

@@ -24,10 +24,8 @@ from anyprobe_train.world.hits import (
 from anyprobe_train.world.kernels import coat_along, diffuse_of, lamp_along, mirrored_along, seen_share, two_by_two
 from anyprobe_train.world.march import compiled
 from anyprobe_train.world.vectors import add_to, basis, dot, minus, mixed, moved, row_of, scaled, times, unit, vector
-from anyprobe_train.world.views import VIEW_AZIMUTHS, VIEW_RINGS
+from anyprobe_train.world.views import OWN, VIEW_AZIMUTHS, VIEW_RINGS
 
-OWN = 0.055
-"""Distance [radii] from the object's surface at which rays start, so that they leave the cells it lies in."""
 MOST_RATIO = 1.5
 """Ratio of the light on a map's own ground with the object over that without."""
 PICTURE_EVEN = 0.03

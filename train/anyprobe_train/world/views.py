@@ -38,8 +38,8 @@ STRETCH, BEND, RELIEF = 0.16, 0.35, 0.3
 """How real shapes, solids and figures are deformed, most of them: standard deviation of ln of what stretches them along
 three random directions; largest slopes of the slow waves that bend them and of the fast ones that emboss them."""
 AS_IS = 0.35
-OWN_CELLS = 0.055
-"""Distance [radii] from the surface at which rays start (shading.OWN)."""
+OWN = 0.055
+"""Distance [radii] from the object's surface at which rays start, so that they leave the cells it lies in."""
 
 VIEW = np.dtype(
     [
@@ -184,9 +184,7 @@ def _hidden(view: np.void, seed: int) -> np.ndarray:
     _, first = np.unique(place, return_index=True)
     result = np.zeros((COARSE * COARSE, 2), np.uint64)
     shape = view["words"], view["low"], view["cell"]
-    result[place[first]] = hidden_bits(
-        *shape, points[first], normals[first], VIEW_AZIMUTHS, VIEW_RINGS, OWN_CELLS, seed
-    )
+    result[place[first]] = hidden_bits(*shape, points[first], normals[first], VIEW_AZIMUTHS, VIEW_RINGS, OWN, seed)
     return result.reshape(COARSE, COARSE, 2)
 
 
