@@ -10,7 +10,7 @@ from anyprobe.files.atomic import atomic_path
 
 
 def kept(path: Path, make: Callable[[], np.ndarray]) -> np.ndarray:
-    """Return the array of a file, which stays on disk; made if it is missing, unless another process is at it."""
+    """Return the array of a file, which stays on disk; made if it is missing, by one process while others wait."""
     if not path.is_file():
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.with_suffix(".lock").open("w") as lock:
