@@ -20,7 +20,7 @@ BOX_MARGIN = 0.04
 class Case:
     """A photo [H, W, 3], its object's mask [H, W] in [0, 1], a click x, y on it and a box around it.
 
-    group: the object, where several photos show the same.
+    group: the object, where several photos show the same. others: masks [H, W] of what else stands there, if known.
     """
 
     name: str
@@ -29,6 +29,7 @@ class Case:
     mask: np.ndarray
     click: tuple[float, float]
     box: tuple[float, float, float, float]
+    others: tuple[np.ndarray, ...] = ()
 
     @property
     def box_is_whole(self) -> bool:

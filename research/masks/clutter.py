@@ -6,7 +6,7 @@ What is found without a prompt is often the other object, or both as one; what c
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -40,25 +40,29 @@ def cluttered(photos: Sequence[Case], count: int, seed: int) -> Iterator[Clutter
     while made < count:
         one, other = (usable[k] for k in rng.choice(len(usable), 2, replace=False))
         rgb, masks = _pasted(rng, one, other)
-        if rgb is None or min((mask > 0.5).sum() for mask in masks) < 400:
+        if rgb is None or min((mask > 0.5).sum() for mask in masks[:2]) < 400:
             continue
         first, second = (
             make_case(f"clutter-{seed}-{made}-{k}", rgb, mask, deepest_point(mask), object_box(mask), case.group)
-            for k, (mask, case) in enumerate(zip(masks, (one, other), strict=True))
+            for k, (mask, case) in enumerate(zip(masks, (one, other), strict=False))
         )
-        yield Clutter(first=first, second=second)
+        yield Clutter(
+            first=replace(first, others=tuple(masks[1:])), second=replace(second, others=(masks[0], *masks[2:]))
+        )
         made += 1
 
 
 def _pasted(rng: np.random.Generator, one: Case, other: Case):
-    """The photo [H, W, 3] and the two objects' masks [H, W]; None, () where the second does not fit."""
+    """The photo [H, W, 3] and masks [H, W] of both objects and of the first photo's others; None, () where the second
+    does not fit."""
     x0, y0, x1, y1 = object_box(one.mask)
     height, width = y1 - y0, x1 - x0
     room = int(ROOM * max(height, width))
     sides = ((0, 0), (room, room))
     rgb = np.pad(one.rgb, (*sides, (0, 0)), mode="symmetric")
-    mask = np.pad(one.mask, sides)
-    copies = np.pad(one.mask, sides, mode="symmetric") * (mask == 0) > 0.05  # of the object, by mirroring
+    masks = [np.pad(each, sides) for each in (one.mask, *one.others)]
+    everything = np.max([one.mask, *one.others], axis=0)
+    copies = np.pad(everything, sides, mode="symmetric") * (np.max(masks, axis=0) == 0) > 0.05  # by mirroring
     rgb[copies] = np.broadcast_to(np.median(one.rgb[:, [0, -1]], axis=1, keepdims=True), rgb.shape)[copies]
     left, top, right, bottom = object_box(other.mask)
     scale = rng.uniform(*SIZES) * max(height, width) / max(right - left, bottom - top)
@@ -69,13 +73,14 @@ def _pasted(rng: np.random.Generator, one: Case, other: Case):
     x = x1 + room + gap if rng.random() < 0.5 else x0 + room - gap - wide
     x = int(np.clip(x, 0, rgb.shape[1] - wide))
     y = int(np.clip(y1 - high + rng.uniform(-0.1, 0.1) * height, 0, rgb.shape[0] - high))
-    cover, colors = np.zeros_like(mask), np.zeros_like(rgb)
+    cover, colors = np.zeros_like(masks[0]), np.zeros_like(rgb)
     cover[y : y + high, x : x + wide] = resample(other.mask[top:bottom, left:right], (wide, high), smooth=True)
     colors[y : y + high, x : x + wide] = resample(other.rgb[top:bottom, left:right], (wide, high), smooth=True)
     rgb = rgb * (1 - cover[..., None]) + colors * cover[..., None]
     start = max(0, min(x0 + room, x) - width // 2)
     stop = min(rgb.shape[1], max(x1 + room, x + wide) + width // 2)
-    rgb, masks = rgb[:, start:stop], [(mask * (1 - cover))[:, start:stop], cover[:, start:stop]]
+    seen = [each * (1 - cover) for each in masks]
+    rgb, masks = rgb[:, start:stop], [each[:, start:stop] for each in (seen[0], cover, *seen[1:])]
     shrink = min(1.0, LONG_PX / max(rgb.shape[:2]))
     size = [round(length * shrink) for length in rgb.shape[1::-1]]
     return np.clip(resample(rgb, size, smooth=True), 0, 1), [resample(one, size, smooth=True) for one in masks]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import count as numbers
 
 import numpy as np
@@ -33,11 +34,13 @@ def rendered_cases(world: World, count: int, seed: int) -> Iterator[Case]:
         cover = shot.covers[target]
         x, y = inside_click(rng, cover)
         x0, y0, x1, y1 = object_box(cover)
-        yield make_case(
+        case = make_case(
             f"scene-{seed}-{made}",
             shot.photo[top:bottom, left:right],
             cover[top:bottom, left:right],
             (x - left, y - top),
             (x0 - left, y0 - top, x1 - left, y1 - top),
         )
+        others = (one[top:bottom, left:right] for number, one in enumerate(shot.covers) if number != target)
+        yield replace(case, others=tuple(others))
         made += 1

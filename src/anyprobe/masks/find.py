@@ -1,6 +1,6 @@
 """Search for the object of a photo, using any hints about it, and the expected quality of what is found.
 
-That follows from the network's own probabilities and from a second look; the same in web/src/photo/quality.js.
+That follows from the network's own probabilities and from the outline; the same in web/src/photo/quality.js.
 """
 
 import math
@@ -22,9 +22,9 @@ from anyprobe.pictures.images import Pixels
 
 RIGHT = "looks right"
 
-DOUBTFUL, REFUSED, CUT, FLAT = (contract("mask")["quality"][name] for name in ("doubtful", "refused", "cut", "flat"))
-"""Expected IoU below which a mask gets a warning, and is refused; how much Finding.cut lowers it; and Finding.flat that
-makes a mask doubtful. All but the second are chosen by `python -m research.masks.calibrate`."""
+DOUBTFUL, REFUSED, CUT = (contract("mask")["quality"][name] for name in ("doubtful", "refused", "cut"))
+"""Expected IoU below which a mask gets a warning, and is refused; and how much Finding.cut lowers it. The first and
+last are chosen by `python -m research.masks.calibrate`."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -150,10 +150,9 @@ def _not_found(pixels: Pixels, prompts: Prompts) -> InvalidMask:
 def reasons(found: Finding) -> dict[str, float]:
     """Return the factors of a finding's expected IoU, each in [0, 1], by what a low one means in a few words."""
     return {
-        "its outline is blurred": found.expected(),
-        "a second look finds something else": (1 + found.agreed) / 2,
+        "its outline is blurred": found.expected() ** 2,
         "the box cuts it off, and should be around all of it": 1 / (1 + CUT * found.cut),
-        "the picture hardly changes across its outline": DOUBTFUL if found.flat > FLAT else 1.0,
+        "the picture hardly changes across its outline": 1 / (1 + found.flat),
     }
 
 

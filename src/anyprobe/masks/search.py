@@ -1,7 +1,7 @@
 """Search for the intended object of a photo: a network looks at windows of it, and prompts choose a part.
 
 A look resamples a window to a grid of GRID x GRID cells. The first is at the whole photo, or at the box and a margin;
-the second, mirrored, at the part that was found and a margin. Their mean is the mask; its evidence is their agreement.
+the second, mirrored, at the part that was found and a margin. Their mean is the mask.
 A further search of the same photo looks again only where no look before shows the part. The same is in
 web/src/photo/search.js.
 """
@@ -130,7 +130,6 @@ class Finding:
     Attributes:
         cover: [GRID, GRID] in [0, 1], zero on other parts.
         part: [GRID, GRID] bool, the object's cells.
-        agreed: IoU of two looks' parts, 1 after a single look.
         cut: length of its outline that a given box cuts off from more of it, over the perimeter of its box.
         flat: share of its outline across which the picture hardly changes.
     """
@@ -138,7 +137,6 @@ class Finding:
     window: Window
     cover: np.ndarray
     part: np.ndarray
-    agreed: float = 1.0
     cut: float = 0.0
     flat: float = 0.0
 
@@ -265,15 +263,14 @@ def look_closer(looks: Looks, found: Finding, prompts: Prompts, known: Sequence[
     near = [look for look in known if found.window.holds(look[0]) and look[0].shows(box)]
     for window, mirrored in [*near, (found.window.around(box, MARGIN), True)]:
         again = looks.at(window, closer, mirrored)
-        if (second := choose(window, again, prompts)) is not None:
+        if choose(window, again, prompts) is not None:
             break
     cells = _cells_of(window, found.window)
     both = (values.astype(np.float32) for values in (found.cover, found.part))
     before, kept = (resample(values, (GRID, GRID), smooth=True, box=cells) for values in both)
     first = Finding(window=window, cover=before, part=kept > IN_OBJECT)
-    agreed = 0.0 if second is None else iou(first.part, second.part)
     last = choose(window, (before + again) / 2, prompts) or first
-    return replace(last, agreed=agreed, cut=found.cut, flat=_flat_share(looks.rgb, window, last.part))
+    return replace(last, cut=found.cut, flat=_flat_share(looks.rgb, window, last.part))
 
 
 def _flat_share(rgb: np.ndarray, window: Window, part: np.ndarray) -> float:
@@ -350,8 +347,3 @@ def _cells_of(window: Window, outer: Window) -> Box:
     left, right = ((x - outer.x0) * GRID / width for x in (window.x0, window.x1))
     top, bottom = ((y - outer.y0) * GRID / height for y in (window.y0, window.y1))
     return left, top, right, bottom
-
-
-def iou(a: np.ndarray, b: np.ndarray) -> float:
-    """Return the intersection over the union of two masks of bool."""
-    return float((a & b).sum() / max((a | b).sum(), 1))

@@ -14,22 +14,23 @@ import { resize } from "./resize.js";
 
 const { u2netp: U2NETP, small: SMALL } = CONTRACT.mask;
 
-/** What stands out in a picture, whatever the prompts. */
-export class U2NetP {
-  name = "u2netp";
-  takesPrompts = false;
-
+class Network {
   /** @param {import("../networks/models.js").Models} models */
   constructor(models) {
     this.models = models;
   }
+}
+
+/** What stands out in a picture, whatever the prompts. */
+export class U2NetP extends Network {
+  name = "u2netp";
+  takesPrompts = false;
 
   /** @param {import("./picture.js").Picture} picture @returns {Promise<Cover>} 320 x 320 */
   async cover({ width, height, rgba }) {
     const { size, mean, spread } = U2NETP;
     const small = resize(rgba, 4, [width, height], [size, size]);
-    let most = 255e-6;
-    for (let i = 0; i < small.length; i++) if (i % 4 < 3 && small[i] > most) most = small[i];
+    const most = small.reduce((most, value, i) => (i % 4 < 3 ? Math.max(most, value) : most), 255e-6);
     const plane = size * size;
     const input = new Float32Array(3 * plane);
     for (let c = 0; c < 3; c++) {
@@ -40,14 +41,9 @@ export class U2NetP {
 }
 
 /** Our own of 160 x 160, trained on renders alone; its fourth channel is the prompts. */
-export class SmallNetwork {
+export class SmallNetwork extends Network {
   name = "small";
   takesPrompts = true;
-
-  /** @param {import("../networks/models.js").Models} models */
-  constructor(models) {
-    this.models = models;
-  }
 
   /** @param {import("./picture.js").Hints} hints in its pixels @returns {Promise<Cover>} the longer side 160 */
   async cover({ width, height, rgba }, { on, off, box }) {
@@ -90,17 +86,12 @@ export function untilGivenUp(network, isGivenUp) {
 /** The prompt channel [160, 160], as anyprobe.masks.prompts.draw_prompts: box and clicks less clicks beside the object. */
 export function drawPrompts(on, off, box = null) {
   const { size, box_level: level } = SMALL;
-  const prompts = new Float32Array(size * size);
-  if (box) {
-    for (let i = 0; i < prompts.length; i++) {
-      const [x, y] = [(i % size) + 0.5, Math.floor(i / size) + 0.5];
-      if (x >= box[0] && x < box[2] && y >= box[1] && y < box[3]) prompts[i] = level;
-    }
-  }
-  drawBlobs(on, prompts);
+  const prompts = new Float32Array(size * size).map((_, i) => {
+    const [x, y] = [(i % size) + 0.5, Math.floor(i / size) + 0.5];
+    return box && x >= box[0] && x < box[2] && y >= box[1] && y < box[3] ? level : 0;
+  });
   const against = drawBlobs(off, new Float32Array(prompts.length));
-  for (let i = 0; i < prompts.length; i++) prompts[i] -= against[i];
-  return prompts;
+  return drawBlobs(on, prompts).map((value, i) => value - against[i]);
 }
 
 /** Raise values to a round blob of height 1 about each point. */

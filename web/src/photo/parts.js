@@ -43,12 +43,11 @@ export function labelParts(inside, width) {
 /** A part and its holes that are at most HOLE_SHARE of it. */
 export function fillHoles(part, width) {
   const { labels, sizes } = labelParts(part.map((value) => 1 - value), width);
-  const size = part.reduce((sum, value) => sum + value, 0);
-  const fills = sizes.map((hole) => hole <= HOLE_SHARE * Math.max(size, 1));
+  const most = HOLE_SHARE * Math.max(part.reduce((sum, value) => sum + value), 1);
+  const fills = sizes.map((hole) => hole <= most);
   fills[0] = false;
-  const count = part.length;
-  for (let x = 0; x < width; x++) fills[labels[x]] = fills[labels[count - 1 - x]] = false;
-  for (let at = 0; at < count; at += width) fills[labels[at]] = fills[labels[at + width - 1]] = false;
+  for (let x = 0; x < width; x++) fills[labels[x]] = fills[labels[part.length - 1 - x]] = false;
+  for (let at = 0; at < part.length; at += width) fills[labels[at]] = fills[labels[at + width - 1]] = false;
   return part.map((value, i) => (fills[labels[i]] ? 1 : value));
 }
 

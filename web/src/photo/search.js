@@ -8,7 +8,6 @@
  * @property {Window} window
  * @property {Float32Array} cover GRID * GRID in [0, 1], without other parts
  * @property {Uint8Array} part of it that it is, 1 inside
- * @property {number} agreed IoU of what two looks found, 1 after one
  * @property {number} flat share of its outline across which the picture hardly changes
  * @property {number} cut length of its outline that a box cuts off from more of it, over the perimeter of its box
  */
@@ -145,9 +144,8 @@ export function choose(window, cover, { on, off }) {
     if (left[most] > NUMBERS.part_share * largest) chosen.add(most);
   }
   if (!chosen.size) return null;
-  const isChosen = Uint8Array.from(sizes, (_, label) => (chosen.has(label) ? 1 : 0));
-  const part = fillHoles(new Uint8Array(CELLS).map((_, i) => isChosen[labels[i]]), GRID);
-  return { window, cover: cover.map((value, i) => (labels[i] && !part[i] ? 0 : value)), part, agreed: 1, cut: 0, flat: 0 };
+  const part = fillHoles(new Uint8Array(CELLS).map((_, i) => (chosen.has(labels[i]) ? 1 : 0)), GRID);
+  return { window, cover: cover.map((value, i) => (labels[i] && !part[i] ? 0 : value)), part, cut: 0, flat: 0 };
 }
 
 /** The mean of a finding and a mirrored look at its window alone, or a known one that shows it well. */
@@ -155,19 +153,17 @@ async function lookCloser(looks, found, hints, known) {
   const box = boxOf(found.window, found.part);
   const closer = hints.box || hints.on.length ? hints : { ...hints, box };
   const near = known.filter(([window]) => holds(found.window, window) && shows(window, box));
-  let [window, again, second] = [found.window, found.cover, null];
+  let [window, again] = [found.window, found.cover];
   for (const [nearer, isMirrored] of [...near, [around(found.window, box, MARGIN), true]]) {
     again = await looks.at(nearer, closer, isMirrored);
-    second = choose((window = nearer), again, hints);
-    if (second) break;
+    if (choose((window = nearer), again, hints)) break;
   }
   const cells = cellBox(window, found.window);
   const before = resize(found.cover, 1, [GRID, GRID], [GRID, GRID], cells);
   const kept = resize(Float32Array.from(found.part), 1, [GRID, GRID], [GRID, GRID], cells);
   const first = { ...found, window, cover: before, part: insideParts(kept) };
-  const agreed = second ? iou(first.part, second.part) : 0;
   const last = choose(window, before.map((value, i) => (value + again[i]) / 2), hints) ?? first;
-  return { ...last, agreed, cut: found.cut, flat: flatShare(looks.picture, last) };
+  return { ...last, cut: found.cut, flat: flatShare(looks.picture, last) };
 }
 
 /** Share of a part's outline, by cells to either side of it, across which the picture hardly changes. */
@@ -316,23 +312,10 @@ function cropOf({ width, rgba }, [x0, y0, x1, y1], isMirrored) {
 }
 
 /** Mirror values, row by row. */
-function mirrored(values, width, channels = 1) {
-  const out = new values.constructor(values.length);
-  const line = width * channels;
-  for (let at = 0; at < values.length; at++) {
-    const column = at % line;
-    out[at] = values[at - column + (width - 1 - Math.floor(column / channels)) * channels + (column % channels)];
-  }
-  return out;
-}
+const mirrored = (values, width, channels = 1) =>
+  values.map((_, at) => values[at + channels * (width - 1 - 2 * (Math.floor(at / channels) % width))]);
 
 function rangeOf(rgba) {
-  let [least, most] = [Infinity, -Infinity];
-  for (let i = 0; i < rgba.length; i++) if (i % 4 < 3) [least, most] = [Math.min(least, rgba[i]), Math.max(most, rgba[i])];
-  return most - least;
-}
-
-function iou(one, other) {
-  const count = (of) => one.reduce((total, value, i) => total + of(value, other[i]), 0);
-  return count((a, b) => a & b) / Math.max(count((a, b) => a | b), 1);
+  const colors = rgba.filter((_, i) => i % 4 < 3);
+  return colors.reduce((a, b) => Math.max(a, b)) - colors.reduce((a, b) => Math.min(a, b));
 }
