@@ -26,6 +26,7 @@ from anyprobe.render.integrate import shade, shading_pyramid  # noqa: E402
 from anyprobe.scatter.materials import Material  # noqa: E402
 from anyprobe_train.dataset.asset_store import own_map  # noqa: E402
 from anyprobe_train.paper import graphs, schedule, shipped  # noqa: E402
+from anyprobe_train.paper.figure_run import Run  # noqa: E402
 from anyprobe_train.paper.figures import FIGURES  # noqa: E402
 from anyprobe_train.paper.graphs import export_chain  # noqa: E402
 from anyprobe_train.paper.lobes import Rings, light_places, light_waves, lobes, shown  # noqa: E402
@@ -228,6 +229,9 @@ def test_the_exported_chain_estimates_as_torch_does(runs, tmp_path, monkeypatch)
     with pytest.raises(InputError, match="expected ours to be trained"):
         load_net(replace(setting, share=0.5), tmp_path / "empty", "ours")
     card = (tmp_path / "graphs" / "README.md").read_text()
+    run = Run(runs=tmp_path / "empty", setting=setting, data=None)
+    assert run.chain(torch.rand(1, 4, 128, 128)).ldr.shape == (1, 3, 64, 128)
+    assert run.notes["hdr_net"] == "hdr_net at step 3 of 77,000"
     assert "| `illumination.onnx` | 0.1 M | 3 of 100,000 | 48 |" in card
     assert "LDR map: rmse 0.25." in card
     assert "Not yet scored." in card
@@ -333,8 +337,8 @@ def test_the_tiny_setting_goes_from_nothing_to_table_and_graphs(command, tmp_pat
     assert all(f"{piece.name} step 1" in said for piece in PIECES)
     table = (folder / "table_1.md").read_text()
     assert said.endswith(table + "\n")
-    assert table.count("| LDR |") == 7
-    assert table.count(" to ") == 3
+    assert table.count("| LDR |") == 9
+    assert table.count(" to ") == 6
     command("paper", "--runs", folder, *tiny, "--graphs", tmp_path / "graphs")
     assert {path.name for path in (tmp_path / "graphs").iterdir()} == {*(f"{s}.onnx" for s in STAGES), "README.md"}
     assert table in (tmp_path / "graphs" / "README.md").read_text()

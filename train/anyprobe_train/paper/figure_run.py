@@ -9,12 +9,11 @@ from torch import nn
 
 from anyprobe.errors import InputError
 from anyprobe.paper.chain import Chained, estimate_light
-from anyprobe_train.paper.networks import in_chain
 from anyprobe_train.paper.open_tables import open_tables
 from anyprobe_train.paper.pieces import Shown, input_of, map_of, piece_named, steps_of
 from anyprobe_train.paper.settings import Setting
 from anyprobe_train.paper.tables import Tables
-from anyprobe_train.paper.training import load_net, stored
+from anyprobe_train.paper.training import net_in_chain
 
 METHODS = {"ours": "ours", "georgoulis": "Georgoulis et al.", "meka": "Meka et al."}
 """Methods of Figs. 12 to 14 by the piece that was trained, with what figures call them."""
@@ -42,11 +41,10 @@ class Run:
         return open_tables(self.data, self.runs, self.setting, "test")
 
     def net(self, name: str) -> nn.Module:
-        """Return a piece's network as the chain takes it; InputError if it was never trained."""
+        """Return a piece's network as the chain takes it; InputError if it was never trained and does not ship."""
         if name not in self._nets:
-            step, steps = stored(self.runs, name)["step"], steps_of(piece_named(name), self.setting)
-            self.notes[name] = f"{name} at step {step:,} of {steps:,}"
-            self._nets[name] = in_chain(load_net(self.setting, self.runs, name))
+            self._nets[name], step = net_in_chain(self.setting, self.runs, name)
+            self.notes[name] = f"{name} at step {step:,} of {steps_of(piece_named(name), self.setting):,}"
         return self._nets[name]
 
     def chain(self, photo: torch.Tensor) -> Chained:

@@ -23,6 +23,7 @@ class Piece:
     network: "irradiance", "illumination", "hdr", or of a rival "sphere" or "mirror".
     sees: what an illumination net learns from: "photo", "estimate" (of irradiance_net) or "truth".
     gradual: whether its targets sharpen (Eq. 6).
+    seed: of its first weights and of its pairs.
     """
 
     name: str
@@ -30,6 +31,7 @@ class Piece:
     steps: int
     sees: str = "photo"
     gradual: bool = False
+    seed: int = 0
 
 
 PIECES = (
@@ -39,11 +41,13 @@ PIECES = (
     Piece(name="irradiance", network="illumination", steps=100_000, sees="estimate"),
     Piece(name="direct", network="illumination", steps=100_000),
     Piece(name="ideal", network="illumination", steps=100_000, sees="truth", gradual=True),
+    Piece(name="irradiance_again", network="illumination", steps=100_000, sees="estimate", seed=1),
+    Piece(name="ours_again", network="illumination", steps=100_000, sees="estimate", gradual=True, seed=1),
     Piece(name="georgoulis", network="sphere", steps=100_000),
     Piece(name="meka", network="mirror", steps=100_000),
 )
-"""The first three ship; ours, irradiance, direct and ideal: the rows of Table 1; georgoulis and meka: the rivals of
-Figs. 12 to 14."""
+"""The first three ship; ours, irradiance, direct and ideal: the rows of Table 1, two of them again by a second seed;
+georgoulis and meka: the rivals of Figs. 12 to 14."""
 
 
 def piece_named(name: str) -> Piece:
@@ -58,8 +62,8 @@ def steps_of(piece: Piece, setting: Setting) -> int:
 
 
 def network_of(piece: Piece, setting: Setting) -> nn.Module:
-    """Build a piece's network; its first weights depend on its kind alone."""
-    torch.manual_seed(0)
+    """Build a piece's network; its first weights depend on its kind and seed alone."""
+    torch.manual_seed(piece.seed)
     if piece.network == "irradiance":
         return IrradianceNet(setting.side, setting.width)
     if piece.network == "hdr":

@@ -2,8 +2,9 @@
 
 import json
 from dataclasses import asdict
-from pathlib import Path
+from functools import lru_cache
 
+import onnxruntime
 import torch
 from torch import nn
 
@@ -16,11 +17,11 @@ PIECE_OF = dict(zip(STAGES, ("irradiance_net", "ours", "hdr_net"), strict=True))
 
 
 class ShippedNet(nn.Module):
-    """A graph, as a network of the chain: display values clipped to [0, 1], or ln radiance."""
+    """A graph, as a network of the chain: display values clipped to [0, 1], or ln radiance. step: that it had."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, session: onnxruntime.InferenceSession, step: int) -> None:
         super().__init__()
-        self._session = open_graph(path, torch.get_num_threads())
+        self._session, self.step = session, step
 
     def forward(self, picture: torch.Tensor) -> torch.Tensor:
         """Estimate, without a gradient."""
@@ -28,11 +29,14 @@ class ShippedNet(nn.Module):
         return torch.from_numpy(output).to(picture.device)
 
 
-def graph_of(name: str, setting: Setting) -> Path | None:
-    """Return the graph of a piece that ships; None where it does not, or is of another setting."""
+@lru_cache
+def shipped_net(name: str, setting: Setting) -> ShippedNet | None:
+    """Return a piece that ships; None where it does not, or is of another setting."""
     stage = next((stage for stage, piece in PIECE_OF.items() if piece == name), None)
     if stage is None:
         return None
-    path = weights_folder("paper") / f"{stage}.onnx"
-    config = json.loads(open_graph(path).get_modelmeta().custom_metadata_map["config"])
-    return path if all(config[key] == value for key, value in asdict(setting).items()) else None
+    session = open_graph(weights_folder("paper") / f"{stage}.onnx", torch.get_num_threads())
+    about = session.get_modelmeta().custom_metadata_map
+    config = json.loads(about["config"])
+    is_same = all(config[key] == value for key, value in asdict(setting).items())
+    return ShippedNet(session, int(about["steps"])) if is_same else None

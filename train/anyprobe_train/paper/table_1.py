@@ -14,18 +14,21 @@ from anyprobe.light.filtering import blur_cap
 from anyprobe.paper.chain import estimate_light
 from anyprobe_train.evaluate.metrics import psnr, rmse, ssim
 from anyprobe_train.evaluate.standard_errors import clustered_error
-from anyprobe_train.paper.networks import in_chain, ln_of_scaled, scaled_ln
+from anyprobe_train.paper.networks import ln_of_scaled, scaled_ln
 from anyprobe_train.paper.open_tables import open_tables
 from anyprobe_train.paper.pairs import PaperPairs, balanced
 from anyprobe_train.paper.pieces import piece_named
 from anyprobe_train.paper.scores import blocks
 from anyprobe_train.paper.settings import Setting
 from anyprobe_train.paper.sheets import as_pictures
-from anyprobe_train.paper.shipped import ShippedNet, graph_of
+from anyprobe_train.paper.shipped import shipped_net
 from anyprobe_train.paper.tables import Tables
-from anyprobe_train.paper.training import is_trained, load_net
+from anyprobe_train.paper.training import is_trained, net_in_chain
 
 DESIGNS = ("direct", "irradiance", "ours", "ideal")
+AGAIN = {"irradiance": "irradiance_again", "ours": "ours_again"}
+"""Designs that are trained by a second seed, too, and those pieces."""
+EVERY = (*DESIGNS, *AGAIN.values())
 PRINTED = {
     "direct ldr": (13.9374, 0.2117, 0.3740),
     "direct hdr": (25.5962, 0.0577, 0.3701),
@@ -57,9 +60,8 @@ class Rows:
 @torch.no_grad()
 def score_designs(runs: Path, setting: Setting, tables: Tables, mean_map: torch.Tensor, count: int) -> Rows:
     """Score every design that is trained, or ships, on `count` balanced pairs of tables."""
-    trained = [name for name in DESIGNS if is_trained(piece_named(name), setting, runs) or graph_of(name, setting)]
-    loaded = {name: load_net(setting, runs, name) for name in ("irradiance_net", "hdr_net", *trained)}
-    nets = {name: net if isinstance(net, ShippedNet) else in_chain(net) for name, net in loaded.items()}
+    names = [name for name in EVERY if is_trained(piece_named(name), setting, runs) or shipped_net(name, setting)]
+    nets = {name: net_in_chain(setting, runs, name)[0] for name in ("irradiance_net", "hdr_net", *names)}
     which = balanced(tables, count, 1)
     found: dict[str, list[float]] = {}
     for pairs in blocks(tables, which):
@@ -81,7 +83,7 @@ def score_designs(runs: Path, setting: Setting, tables: Tables, mean_map: torch.
 
 def _methods(nets: dict, pairs: PaperPairs, mean_map: torch.Tensor) -> Iterator[tuple[str, dict[str, torch.Tensor]]]:
     """Yield what each method makes of pairs, by stage."""
-    for design in (name for name in DESIGNS if name in nets):
+    for design in (name for name in EVERY if name in nets):
         first = {"direct": lambda photo: photo[:, :3], "ideal": lambda photo: pairs.irradiance[:, :3]}
         made = estimate_light(pairs.photo, first.get(design, nets["irradiance_net"]), nets[design], nets["hdr_net"])
         stages = {"ldr": made.ldr, "hdr": _scaled(made.radiance)}
@@ -117,7 +119,10 @@ def table(test: Rows, seen: Rows) -> str:
         numbers = [f"{own[0]:.2f}", f"{own[1]:.4f}", f"{own[2]:.3f}", f"{known[0]:.4f}", f"{known[1]:.3f}", *theirs]
         lines.append(f"| {method} | {STAGES[stage]} | " + " | ".join(numbers) + " |")
     steps = []
-    for worse, better in pairwise(name for name in DESIGNS if f"{name} ldr RMSE" in test.figures):
+    scored = [name for name in EVERY if f"{name} ldr RMSE" in test.figures]
+    compared = [pair for of in (DESIGNS, AGAIN.values()) for pair in pairwise(name for name in of if name in scored)]
+    compared += [pair for pair in AGAIN.items() if set(pair) <= set(scored)]
+    for worse, better in compared:
         gain = test.figures[f"{worse} ldr RMSE"] - test.figures[f"{better} ldr RMSE"]
         mean, reach = gain.mean(), 1.96 * clustered_error(gain, test.maps, test.shapes)
         steps.append(f"| {worse} to {better} | {mean:+.4f} +- {reach:.4f} | {verdict(mean, reach)} |")

@@ -18,14 +18,17 @@ from anyprobe.files.atomic import atomic_path
 from anyprobe_train.nets.blocks import autocast
 from anyprobe_train.paper import schedule
 from anyprobe_train.paper.losses import l2
+from anyprobe_train.paper.networks import in_chain
 from anyprobe_train.paper.pairs import PaperPairs, drawn, pairs_of, reexposed
 from anyprobe_train.paper.pieces import Piece, input_of, network_of, piece_named, steps_of, target_of
 from anyprobe_train.paper.scores import Scorer
 from anyprobe_train.paper.settings import Setting
-from anyprobe_train.paper.shipped import ShippedNet, graph_of
+from anyprobe_train.paper.shipped import ShippedNet, shipped_net
 from anyprobe_train.paper.tables import EXPOSURES, Tables
 
 SAVE_SECONDS = 180.0
+SEED_STEPS = 1_000_000
+"""Steps from the pairs of a seed to those of the next; no piece has as many."""
 WATCHING = {"scored", "table_pairs", "log_every", "score_every"}
 """Fields of a setting that a run may change as it goes on."""
 
@@ -49,7 +52,8 @@ class Trainer:
 
     def pairs(self) -> PaperPairs:
         """Look up the pairs of this step; the HDR net's maps have an exposure of their own (Sect. 3.5)."""
-        which = drawn(self.tables, self._allowed, self.setting.batch, self.step)
+        step = self.step + self.piece.seed * SEED_STEPS
+        which = drawn(self.tables, self._allowed, self.setting.batch, step)
         pairs = pairs_of(self.tables, which)
         if self.piece.network != "hdr":
             return pairs
@@ -121,11 +125,17 @@ def is_trained(piece: Piece, setting: Setting, runs: Path) -> bool:
 
 def load_net(setting: Setting, runs: Path, name: str, device: str = "cpu") -> nn.Module:
     """Return a trained piece's network, for estimates: that of runs, else the one that ships."""
-    if not checkpoint_of(runs, name).is_file() and (graph := graph_of(name, setting)) is not None:
-        return ShippedNet(graph)
+    if not checkpoint_of(runs, name).is_file() and (shipped := shipped_net(name, setting)) is not None:
+        return shipped
     net = network_of(piece_named(name), setting)
     net.load_state_dict(stored(runs, name)["net"])
     return placed(net, device).eval().requires_grad_(False)
+
+
+def net_in_chain(setting: Setting, runs: Path, name: str) -> tuple[nn.Module, int]:
+    """Return load_net's network as the chain takes it, and its step."""
+    net = load_net(setting, runs, name)
+    return (net, net.step) if isinstance(net, ShippedNet) else (in_chain(net), stored(runs, name)["step"])
 
 
 def placed(net: nn.Module, device: str) -> nn.Module:
