@@ -54,8 +54,7 @@ def failures(run: Run) -> Image.Image:
     found = [(path, mask) for path, mask in masked_photos(folder) if path.stem in chosen]
     if not found:
         raise InputError(f"expected photos whose kind says {HETEROGENEOUS!r}, got none", source=folder / "manifest.csv")
-    photos = (load_photo(path, mask=mask, surroundings="none") for path, mask in found)
-    real = cropped(photos, run.setting.side)
+    real = cropped((load_photo(path, mask=mask, surroundings="none") for path, mask in found), run.setting.side)
     made = run.chain(real.photo)
     titles = ("photo", "I-Irradiance, est.", "LDR illum., est.", "HDR illum., est.")
     return picture_sheet(columns_of(real.photo[:, :3], made.irradiance, made.ldr, heat(made.radiance)), titles)

@@ -1,7 +1,6 @@
 """Everything that a reproduction trains, in order: what is needed first comes first."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
 
 import torch
 from torch import nn
@@ -9,11 +8,9 @@ from torch import nn
 from anyprobe.paper.equations import EPOCHS
 from anyprobe_train.paper.networks import HdrNet, IlluminationNet, IrradianceNet, scaled_ln
 from anyprobe_train.paper.pairs import PaperPairs
+from anyprobe_train.paper.real_photos import RealPhotos
 from anyprobe_train.paper.rivals import MirrorNet, MirrorSphereNet, spheres_of, unwrapped_mirror, unwrapped_sphere
 from anyprobe_train.paper.settings import Setting
-
-if TYPE_CHECKING:
-    from anyprobe_train.paper.real_photos import RealPhotos
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -74,7 +71,7 @@ def network_of(piece: Piece, setting: Setting) -> nn.Module:
     return kind(setting.side, setting.rows, setting.width, setting.code)
 
 
-Shown: TypeAlias = "PaperPairs | RealPhotos"
+Shown = PaperPairs | RealPhotos
 """Pictures of objects: photo [N, 4, S, S], mask [N, 1, S, S], normals [N, 3, S, S], zero off the object."""
 
 

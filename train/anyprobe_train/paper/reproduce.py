@@ -14,8 +14,7 @@ from anyprobe_train.paper.table_1 import write_table
 from anyprobe_train.paper.training import is_trained, train
 from anyprobe_train.train.loop import asked_to_stop
 
-print_now: Callable[[str], None] = partial(print, flush=True)
-"""Print a line at once, also into a pipe."""
+print_now = partial(print, flush=True)
 
 
 def reproduce(

@@ -5,7 +5,6 @@ Real photos have no measured map: their lamp, in a dark room, is known instead.
 """
 
 from collections import defaultdict
-from collections.abc import Iterator
 
 import numpy as np
 import torch
@@ -19,9 +18,9 @@ from anyprobe.light.light_sources import find_dominant_light
 from anyprobe_train.evaluate.metrics import direction_error_deg, psnr, rmse, ssim
 from anyprobe_train.paper.figure_run import METHODS, Run
 from anyprobe_train.paper.materials import MATERIALS
-from anyprobe_train.paper.pairs import Which, balanced, pairs_of
+from anyprobe_train.paper.pairs import balanced, pairs_of
 from anyprobe_train.paper.pieces import Shown
-from anyprobe_train.paper.real_photos import LampPhoto, RealPhotos, cropped, lamp_photos
+from anyprobe_train.paper.real_photos import LampPhoto, cropped, lamp_photos
 from anyprobe_train.paper.rivals import TO_EYE, spheres_of
 from anyprobe_train.paper.scores import BLOCK, blocks
 from anyprobe_train.paper.sheets import LINE, PICTURE_ROWS, as_bytes, as_pictures, columns_of, picture_sheet
@@ -37,11 +36,6 @@ RELIT = (("vase", "plastic"), ("sphere", "matte"), ("solid", "marble"), ("pebble
 """Virtual objects and their materials, one a scene; a metal would show nothing of a lone lamp but a spot."""
 
 
-def is_specular(which: Which) -> np.ndarray:
-    """Return whether each pair's material is specular by the paper's border, [B]."""
-    return np.array([material.alpha < 0.5 for material in MATERIALS])[which.material]
-
-
 def lamps_of(run: Run) -> list[LampPhoto]:
     """Return all photos under one lamp."""
     return [photo for name in LAMPS for photo in lamp_photos(run.folder(name))]
@@ -50,13 +44,6 @@ def lamps_of(run: Run) -> list[LampPhoto]:
 def one_of_each(photos: list[LampPhoto]) -> list[LampPhoto]:
     """Return the first photo of each object."""
     return list({photo.object: photo for photo in reversed(photos)}.values())[::-1]
-
-
-def in_blocks(run: Run, photos: list[LampPhoto]) -> Iterator[tuple[list[LampPhoto], RealPhotos]]:
-    """Yield photos with their crops, some at a time."""
-    for first in range(0, len(photos), BLOCK):
-        some = photos[first : first + BLOCK]
-        yield some, cropped((one.load() for one in some), run.setting.side)
 
 
 def compared_maps(run: Run) -> Image.Image:
@@ -77,17 +64,19 @@ def compared_numbers(run: Run) -> Image.Image:
     """Draw Fig. 13: each method on specular and diffuse objects, test pairs and real photos."""
     found: dict[tuple[str, str, str], list[float]] = defaultdict(list)  # by panel, group and method
     which = balanced(run.test, run.setting.table_pairs, 1)
-    kinds = iter(is_specular(which))
+    kinds = ("Spec" if MATERIALS[number].alpha < 0.5 else "Diff" for number in which.material)  # the paper's border
     for pairs in blocks(run.test, which):
         truth = as_pictures(spheres_of(pairs.ldr))
         made = {method: as_pictures(spheres_of(run.map_by(method, pairs))) for method in METHODS}
         for k, true in enumerate(truth):
-            group = f"Synth-{'Spec' if next(kinds) else 'Diff'}"
+            group = f"Synth-{next(kinds)}"
             for method, pictures in made.items():
                 for name, metric in COMPARED.items():
                     found[name, group, method].append(metric(pictures[k], true))
     lamps = lamps_of(run)
-    for some, real in in_blocks(run, lamps):
+    for first in range(0, len(lamps), BLOCK):
+        some = lamps[first : first + BLOCK]
+        real = cropped((one.load() for one in some), run.setting.side)
         lights = {method: lights_of(run.map_by(method, real)) for method in METHODS}
         for k, photo in enumerate(some):
             for method, light in lights.items():

@@ -25,10 +25,8 @@ from anyprobe_train.paper.shipped import shipped_net
 from anyprobe_train.paper.tables import Tables
 from anyprobe_train.paper.training import is_trained, net_in_chain
 
-DESIGNS = ("direct", "irradiance", "ours", "ideal")
-AGAIN = {"irradiance": "irradiance_again", "ours": "ours_again"}
-"""Designs that are trained by a second seed, too, and those pieces."""
-EVERY = (*DESIGNS, *AGAIN.values())
+DESIGNS, AGAIN = ("direct", "irradiance", "ours", "ideal"), ("irradiance_again", "ours_again")
+"""Designs by the pieces that were trained, and two of them by a second seed."""
 PRINTED = {
     "direct ldr": (13.9374, 0.2117, 0.3740),
     "direct hdr": (25.5962, 0.0577, 0.3701),
@@ -60,7 +58,11 @@ class Rows:
 @torch.no_grad()
 def score_designs(runs: Path, setting: Setting, tables: Tables, mean_map: torch.Tensor, count: int) -> Rows:
     """Score every design that is trained, or ships, on `count` balanced pairs of tables."""
-    names = [name for name in EVERY if is_trained(piece_named(name), setting, runs) or shipped_net(name, setting)]
+    names = [
+        name
+        for name in (*DESIGNS, *AGAIN)
+        if is_trained(piece_named(name), setting, runs) or shipped_net(name, setting)
+    ]
     nets = {name: net_in_chain(setting, runs, name)[0] for name in ("irradiance_net", "hdr_net", *names)}
     which = balanced(tables, count, 1)
     found: dict[str, list[float]] = {}
@@ -83,7 +85,7 @@ def score_designs(runs: Path, setting: Setting, tables: Tables, mean_map: torch.
 
 def _methods(nets: dict, pairs: PaperPairs, mean_map: torch.Tensor) -> Iterator[tuple[str, dict[str, torch.Tensor]]]:
     """Yield what each method makes of pairs, by stage."""
-    for design in (name for name in EVERY if name in nets):
+    for design in (name for name in (*DESIGNS, *AGAIN) if name in nets):
         first = {"direct": lambda photo: photo[:, :3], "ideal": lambda photo: pairs.irradiance[:, :3]}
         made = estimate_light(pairs.photo, first.get(design, nets["irradiance_net"]), nets[design], nets["hdr_net"])
         stages = {"ldr": made.ldr, "hdr": _scaled(made.radiance)}
@@ -119,10 +121,9 @@ def table(test: Rows, seen: Rows) -> str:
         numbers = [f"{own[0]:.2f}", f"{own[1]:.4f}", f"{own[2]:.3f}", f"{known[0]:.4f}", f"{known[1]:.3f}", *theirs]
         lines.append(f"| {method} | {STAGES[stage]} | " + " | ".join(numbers) + " |")
     steps = []
-    scored = [name for name in EVERY if f"{name} ldr RMSE" in test.figures]
-    compared = [pair for of in (DESIGNS, AGAIN.values()) for pair in pairwise(name for name in of if name in scored)]
-    compared += [pair for pair in AGAIN.items() if set(pair) <= set(scored)]
-    for worse, better in compared:
+    for worse, better in (*pairwise(DESIGNS), *pairwise(AGAIN), *zip(DESIGNS[1:], AGAIN, strict=False)):
+        if not {f"{worse} ldr RMSE", f"{better} ldr RMSE"} <= test.figures.keys():
+            continue
         gain = test.figures[f"{worse} ldr RMSE"] - test.figures[f"{better} ldr RMSE"]
         mean, reach = gain.mean(), 1.96 * clustered_error(gain, test.maps, test.shapes)
         steps.append(f"| {worse} to {better} | {mean:+.4f} +- {reach:.4f} | {verdict(mean, reach)} |")

@@ -141,9 +141,8 @@ def read_tables(folder: Path) -> Tables:
     def stored(name: str) -> torch.Tensor:
         return torch.from_numpy(np.load(folder / f"{name}.npy", mmap_mode="c"))
 
-    shades = stored("shades")
     return Tables(
-        shades=shades.view(torch.int64)[..., 0].flatten(0, 1),
+        shades=stored("shades").view(torch.int64)[..., 0].flatten(0, 1),
         ldr=stored("ldr"),
         ln_radiance=stored("ln"),
         surface={name: stored(name) for name in FRAMES if (folder / f"{name}.npy").is_file()},
@@ -176,8 +175,7 @@ def display_levels(radiance: torch.Tensor) -> torch.Tensor:
 def mirror_greys(light: np.ndarray) -> np.ndarray:
     """Return what a grey mirror shows at each normal [N] of light [2 rings, around, 3]: at twice the angle, between two
     rings."""
-    grey = luminance(light)
-    return ((grey[0::2] + grey[1::2]) / 2).reshape(-1).astype(np.float32)
+    return ((luminance(light[0::2]) + luminance(light[1::2])) / 2).reshape(-1).astype(np.float32)
 
 
 def surface_of(mesh: Mesh, turn: np.ndarray, frame: str, rings: Rings, side: int) -> np.ndarray:

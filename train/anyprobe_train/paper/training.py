@@ -27,8 +27,6 @@ from anyprobe_train.paper.shipped import ShippedNet, shipped_net
 from anyprobe_train.paper.tables import EXPOSURES, Tables
 
 SAVE_SECONDS = 180.0
-SEED_STEPS = 1_000_000
-"""Steps from the pairs of a seed to those of the next; no piece has as many."""
 WATCHING = {"scored", "table_pairs", "log_every", "score_every"}
 """Fields of a setting that a run may change as it goes on."""
 
@@ -52,7 +50,7 @@ class Trainer:
 
     def pairs(self) -> PaperPairs:
         """Look up the pairs of this step; the HDR net's maps have an exposure of their own (Sect. 3.5)."""
-        step = self.step + self.piece.seed * SEED_STEPS
+        step = self.step + self.piece.seed * 1_000_000  # no piece has as many
         which = drawn(self.tables, self._allowed, self.setting.batch, step)
         pairs = pairs_of(self.tables, which)
         if self.piece.network != "hdr":
