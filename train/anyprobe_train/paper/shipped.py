@@ -3,8 +3,8 @@
 import json
 from dataclasses import asdict
 from functools import lru_cache
+from typing import Any
 
-import onnxruntime
 import torch
 from torch import nn
 
@@ -19,7 +19,7 @@ PIECE_OF = dict(zip(STAGES, ("irradiance_net", "ours", "hdr_net"), strict=True))
 class ShippedNet(nn.Module):
     """A graph, as a network of the chain: display values clipped to [0, 1], or ln radiance. step: that it had."""
 
-    def __init__(self, session: onnxruntime.InferenceSession, step: int) -> None:
+    def __init__(self, session: Any, step: int) -> None:
         super().__init__()
         self._session, self.step = session, step
 
