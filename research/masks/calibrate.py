@@ -69,7 +69,7 @@ def photos_asked(data: Path, scenes: int, clutter: int, seed: int, left_out: boo
     from research.masks.scenes import rendered_cases
 
     part = "left-out" if left_out else "train"
-    drawn = list(rendered_cases(World.open(data, Path("runs/world"), maps=part, shapes=part), scenes, seed))
+    drawn = list(rendered_cases(World.open(data, Path("runs/world"), part), scenes, seed))
     for group in range(GROUPS):
         mine = drawn[group::GROUPS]
         yield from ([case] for case in mine)
