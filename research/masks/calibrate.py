@@ -18,7 +18,7 @@ from cyclopts import Parameter
 from anyprobe.cli.app import main as run_command
 from anyprobe.cli.options import bounded
 from anyprobe.masks.check import MIN_OBJECT_PX
-from anyprobe.masks.find import expected_iou
+from anyprobe.masks.find import DOUBTFUL, expected_iou
 from anyprobe.masks.networks import Network, SmallNetwork, U2NetP
 from anyprobe.masks.parts import grow
 from anyprobe.masks.search import Looks, Prompts, find_object
@@ -35,7 +35,7 @@ BESIDE = 0.1
 NARROW, SHIFT, WIDE = (0.3, 0.55), (0.3, 0.6), (0.4, 1.2)
 """Of wrong boxes, in the object's sizes: what is missing at one side, how far it lies beside, what is too much."""
 
-THRESHOLDS = (0.5, 0.6, 0.65, 0.68, 0.7, 0.72, 0.74, 0.76, 0.8, 0.85)
+THRESHOLDS = (0.5, 0.55, 0.6, DOUBTFUL, 0.65, 0.7, 0.75, 0.8)
 
 
 def calibrate(
