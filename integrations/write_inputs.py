@@ -1,7 +1,8 @@
 """Write what other doors take from the one description of inputs: python integrations/write_inputs.py [--check]
 
-Types and options of the npm package, and the texts and bounds of the Blender extension. --check writes nothing and
-fails if a file is not fresh.
+From src/anyprobe/inputs/inputs.schema.json, read by inputs.description: types and options of the npm package,
+web/types/inputs.d.ts and web/src/options.js, and the texts and bounds of the Blender extension, inputs.json. --check
+writes nothing and fails if a file is not fresh.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Runs apart from Blender: python worker.py FOLDER.
+"""Runs apart from Blender, started by process.Process: python worker.py FOLDER.
 
 FOLDER/order.json says what to do, FOLDER/answer.json what came of it, FOLDER/progress.txt how far it is.
 """

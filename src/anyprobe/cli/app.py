@@ -64,7 +64,8 @@ def show_completion() -> None:
 
 
 def main(command: App | Callable[..., None] = app) -> None:
-    """Run an application of new_app or one function; turn anyprobe's errors into one line and exit status 2."""
+    """Run an application of new_app or one function; turn errors into one line and an exit status: 2, of a bug 1, of
+    Ctrl-C 130."""
     if not isinstance(command, App):
         function, command = command, new_app(command.__doc__)
         command.default(function)

@@ -49,6 +49,7 @@ def doctor(*, model: ModelOption = DEFAULT_MODEL) -> None:
 
 
 SELF_TEST_DEG = 45
+"""Largest error of self_test's dominant light [degrees]."""
 OTHERS = ("dev", "judge")
 """Extras for developing anyprobe itself."""
 

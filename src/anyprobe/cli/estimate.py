@@ -1,4 +1,4 @@
-"""anyprobe estimate: photos in, lights out."""
+"""anyprobe estimate: photos in, lights out; --json prints a line for each, Light.sidecar and its files, or an error."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""anyprobe materials: the names that --material takes."""
+"""anyprobe materials: the names that --material takes, of scatter.materials.MATERIALS."""
 
 from __future__ import annotations
 

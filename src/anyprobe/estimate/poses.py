@@ -1,4 +1,4 @@
-"""How cameras are turned, and how much their lenses take in, from the transforms.json that trackers write."""
+"""How cameras are turned, and what their lenses take in, from the transforms.json that trackers write (parse_poses)."""
 
 from __future__ import annotations
 

@@ -79,7 +79,8 @@ class Light:
         seen: [64, 128, 4] what the photo shows of the light, in the camera's frame: radiance times cover, and cover.
         said_error_deg: error of the dominant light's direction, by the networks or the .json of a light that was saved.
         said_sources: [S, 4] by the same: whether each source exists, in [0, 1], and its direction in the map's frame.
-        soft: probability that no light source dominates; None where that is not known.
+        soft: probability that no light source dominates, the output `soft` of light.onnx (light_graph.Said); None where
+            that is not known.
         outdoors: probability that the place is outdoors; None where that is not known.
     """
 
@@ -144,7 +145,7 @@ class Light:
         return cls(radiance=radiance, map_from_camera=turn, origin=Origin(model=model or None))
 
     def sh9(self) -> Float[np.ndarray, "9 3"]:
-        """Radiance in nine real spherical harmonics, [9, 3]; order and signs of WebXR and three.js."""
+        """Radiance in nine real spherical harmonics [9, 3], see light.harmonics; order and signs of WebXR, three.js."""
         return project(self.radiance)
 
     def sources(self) -> tuple[LightSource, ...]:

@@ -22,6 +22,7 @@ SIDECAR_VERSION = 4
 FRAME = "right-handed, +X right, +Y up, the camera looks along -Z; u = 0.5 + atan2(x, -z) / 2 pi, row 0 is +Y"
 TURNED = "right-handed, +X right, +Y up of a map that was turned by map_from_camera; u = 0.5 + atan2(x, -z) / 2 pi"
 SCALE = "linear Rec. 709 radiance in the photo's exposure units: 1 is what the camera's curve maps to white"
+"""Value of the key `scale` of a sidecar, as Light.sidecar writes it, and of the headers of its maps."""
 
 OF_THE_MAP = (
     "version frame map_from_camera scale exposure_ev response size confidence well_exposed_fraction sh9 soft "

@@ -1,4 +1,7 @@
-"""Where the sun stands: a side and a height, a direction, or by the place, time and heading that the photo notes."""
+"""Where the sun stands: a side and a height, a direction, or by the place, time and heading that the photo notes.
+
+load_photo keeps it (`place_of_sun`); refine turns it into the input `sun` of light.onnx (`towards_sun`).
+"""
 
 from __future__ import annotations
 

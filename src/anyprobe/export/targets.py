@@ -80,8 +80,9 @@ def write_unreal(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
 def write_unity(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
     """Write <name>.hdr, <name>_ambient.hdr (without the dominant light) and AnyprobeLight.cs, which reads the sidecar.
 
-    Unity's Lambert has no 1 / pi: its light's intensity is irradiance / pi, linear. The component's file
-    is the same for every light, because Unity requires a class to be named as its file.
+    The sidecar's one light is the dominant one, split off by light_sources.split_dominant_light. Unity's Lambert has no
+    1 / pi: that light's intensity is irradiance / pi, linear. The component's file is the same for every light, because
+    Unity requires a class to be named as its file.
     """
     write_maps(light, folder, UNITY, ".hdr")
     (folder / "AnyprobeLight.cs").write_text(template("AnyprobeLight.cs", light), encoding="utf-8")

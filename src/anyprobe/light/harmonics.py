@@ -7,7 +7,8 @@ Order and constants are those of WebXR and three.js, in the camera frame (x, y, 
     Y_i/K   1    y    z    x    xy   yz   3z^2 - 1  xz   x^2 - y^2
 
 Coefficients are of radiance, L_i = integral of L Y_i dw; times COSINE_LOBE they are those of irradiance (Ramamoorthi
-and Hanrahan 2001). Order 2 may turn negative opposite a strong light: nothing here clamps that.
+and Hanrahan 2001). Order 2 may turn negative opposite a strong light: nothing here clamps that. Numbers in the
+conventions of Unity, glTF and Filament: export.target_frames.
 """
 
 from __future__ import annotations

@@ -1,5 +1,7 @@
 """Lights of a video, kept still on a still scene and quick where the light changes.
 
+video.run calls `step` for each frame with a light of its own; the numbers are `filter` of contract.json.
+
 A frame's map is split into a soft part and discrete sources (light.light_sources). The soft part is averaged pixel by
 pixel (light.steady). **Each source is a Kalman filter** of its direction and of ln(power, radius), whose state x with
 variance P and measurement z with variance R give

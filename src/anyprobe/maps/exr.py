@@ -1,6 +1,6 @@
 """OpenEXR files: the colours of a picture or map among their parts and channels, and single channels.
 
-Limits cover what is decoded: all channels of the part that is read.
+OpenImageIO decodes them, by image_io.open_image. Limits cover what is decoded: all channels of the part that is read.
 """
 
 import os

@@ -1,6 +1,7 @@
 """Linear radiance on disk: Radiance .hdr (RGBE) and OpenEXR .exr, environment maps and pictures of any shape.
 
-A map is latitude-longitude, row 0 up, H x 2H; ours in Rec. 709 primaries.
+A map is latitude-longitude, row 0 up, H x 2H; ours in Rec. 709 primaries. OpenImageIO decodes both, by
+image_io.open_image; of a .hdr the header is read here.
 """
 
 import os

@@ -23,8 +23,8 @@ from anyprobe.pictures.images import Pixels
 RIGHT = "looks right"
 
 DOUBTFUL, REFUSED, CUT = (contract("mask")["quality"][name] for name in ("doubtful", "refused", "cut"))
-"""Expected IoU below which a mask gets a warning, and is refused; and how much Finding.cut lowers it. The first and
-last are chosen by `python -m research.masks.calibrate`."""
+"""Expected IoU below which a mask gets a warning, and is refused; and how much Finding.cut lowers it: `mask`, `quality`
+of contract.json. The first and last are chosen by `python -m research.masks.calibrate`."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -148,7 +148,10 @@ def _not_found(pixels: Pixels, prompts: Prompts) -> InvalidMask:
 
 
 def reasons(found: Finding) -> dict[str, float]:
-    """Return the factors of a finding's expected IoU, each in [0, 1], by what a low one means in a few words."""
+    """Return the factors of a finding's expected IoU, each in [0, 1], by what a low one means in a few words.
+
+    expected, cut and flat are those of search.Finding.
+    """
     return {
         "its outline is blurred": found.expected() ** 2,
         "the box cuts it off, and should be around all of it": 1 / (1 + CUT * found.cut),

@@ -9,7 +9,8 @@ mean the picture's light times 1 + (headroom - 1) g, with g the map's values dec
 Apple HDR effect to your photos", developer.apple.com); the camera notes the headroom.
 
 Ultra HDR is written too, in Android's XMP (hdrgm 1.0), with o_h = o_s = min = 0, gamma = 1 and SDR = min(HDR, 1) in
-sRGB, channel by channel. The second picture follows the first; CIPA's multi-picture segment has its offset.
+sRGB, channel by channel. The second picture follows the first; CIPA's multi-picture segment has its offset. Photos are
+read by `gain_map_of`, exports written by `write_ultra_hdr`.
 """
 
 import io

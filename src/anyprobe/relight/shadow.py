@@ -6,7 +6,8 @@ over the sky above the ground, is the remaining share of a Lambert ground's irra
 visibility past the mesh, B past what stands beside it: light that the photo's own object keeps from the ground cannot
 be lost once more. The integrals are sums over directions with density L cos (luminance). Light is distant: the points
 of the ground that a mesh occludes from wi are its projection along wi, rasterised, so one drawing per direction serves
-every p. In place of what it keeps off, the mesh sends light of its own (`with_light`).
+every p. In place of what it keeps off, the mesh sends light of its own (`with_light`); where the real object's shadow
+is seen, its depth and colour count (`as_seen`). relight.insert.Stage.shadow draws it.
 """
 
 from __future__ import annotations

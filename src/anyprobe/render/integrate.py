@@ -8,7 +8,8 @@ alpha is a sum of three images that are independent of colour:
     Ss = int D V s   L (n.wi) dwi        (s = (1 - wo.h)^5)
     Dd = int (1 - s) L (n.wi) dwi / pi
 
-The functions run on NumPy arrays and on torch tensors, compiled or not.
+V holds the height-correlated Smith G (Heitz 2014, Eq. 99): paper.equations.smith_visibility. The functions run on NumPy
+arrays and on torch tensors, compiled or not.
 """
 
 from dataclasses import dataclass

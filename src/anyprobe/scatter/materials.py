@@ -46,7 +46,7 @@ def _named(key: str) -> dict[str, Material]:
 
 
 PRESETS, MEASURED = _named("named"), _named("measured")
-"""Named and measured materials.
+"""Named and measured materials: `named` and `measured` of `materials` in contract.json.
 
 Named: chrome reflects as chromium does (Johnson and Christy 1974, at 650, 550 and 450 nm), mirror reflects all light,
 matte as much as objects do in the median (.29 of what a white sphere in their place would, in 277 rendered photos), and

@@ -42,7 +42,8 @@ OPEN_PATHS = ("/healthz", "/readyz")
 class Admission:
     """Middleware that gives each POST a place in the queue, before its body is read, and bounds that body.
 
-    A full queue is answered 429, a body that is too large 413, by Content-Length or as it comes, one too slow 408.
+    A full queue is answered 429; a body of more than Limits.max_bytes 413, by Content-Length or as it comes; one slower
+    than Limits.upload_s 408.
     """
 
     def __init__(self, app: ASGIApp, limits: Limits, pool: WorkerPool) -> None:

@@ -117,7 +117,7 @@ OBJECT_WEIGHT = (0.2, 0.8)
 """Range of the object's weight in the meter's mean: centre-weighted meters give their middle 60-80 % (Nikon: 75), which
 an object fills in part."""
 OBJECT_RANGE = (0.01, 0.9)
-"""Bounds of the object's mean radiance: photos beyond them are taken again."""
+"""Bounds of the object's mean radiance: a photo beyond them gets the gain that brings it to the nearer one."""
 FRAME_DEG = 33.0
 """Half the field of view that a phone meters [degrees]: 26 mm equivalent, 65 x 51 degrees."""
 FRAME_POWER = 0.45
@@ -199,7 +199,7 @@ def draw_photo_gain(rng: np.random.Generator, object_mean: float, frame: float, 
     """Draw the gain from radiance to exposure units of a whole photo, whose object is neither black nor burnt out.
 
     object_mean: mean luminance of the object. frame: seen_level of the photo. spread: standard deviation of ln of the
-    radiance that the meter's mean is brought to.
+    radiance that the meter's mean is brought to; world.look.draw_look calls it with this default.
     """
     (weight,), _ = draw_metering(rng, 1)
     key = PHOTO_KEY * float(np.exp(rng.normal(0.0, spread)))

@@ -35,7 +35,7 @@ class LightRunConfig:
     """A run's settings.
 
     name: of the run's folder. The learning rates, AdamW's and for matrices Muon's, rise over warmup steps and fall over
-    the last cooldown share.
+    the last cooldown share. steps: of a new run; the card of `lift` says how many batches the shipped weights took.
     averaged: decay of the running mean of the weights, which is what is scored and exported. seed, with the step's
     number, decides everything that is drawn.
     """

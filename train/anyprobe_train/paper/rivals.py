@@ -1,7 +1,7 @@
 """The methods that Figs. 12 and 13 compare with, as networks on the same pairs.
 
 Georgoulis et al. (TPAMI 2017), their direct method: photo to the picture of a mirror sphere. Meka et al. (CVPR 2018):
-photo and true normals to a grey mirror image of the object; the same normals unwrap it.
+photo and true normals to a grey mirror image of the object; the same normals unwrap it. Of real photos they are lift's.
 """
 
 import numpy as np

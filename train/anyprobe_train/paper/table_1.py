@@ -26,7 +26,7 @@ from anyprobe_train.paper.tables import Tables
 from anyprobe_train.paper.training import is_trained, net_in_chain
 
 DESIGNS, AGAIN = ("direct", "irradiance", "ours", "ideal"), ("irradiance_again", "ours_again")
-"""Designs by the pieces that were trained, and two of them by a second seed."""
+"""Designs by the pieces that were trained; two by a second seed: rows X_again, steps X to X_again show its effect."""
 PRINTED = {
     "direct ldr": (13.9374, 0.2117, 0.3740),
     "direct hdr": (25.5962, 0.0577, 0.3701),
