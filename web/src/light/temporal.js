@@ -2,7 +2,7 @@
  * Lights of a video, kept still on a still scene and quick where the light changes.
  *
  * By the rules of anyprobe.light.temporal: the soft part of a map is averaged pixel by pixel, each discrete source is a
- * Kalman filter; in the world if poses are given.
+ * Kalman filter; in the world if poses are given. live/frameLight.js calls `step` for each frame that shows the object.
  */
 
 import { luminance } from "../core/color.js";
