@@ -15,7 +15,6 @@ from anyprobe.light.light_sources import (
     connected,
     dilate,
     draw_sources,
-    expected_light,
     find_dominant_light,
     find_sources,
     split_dominant_light,
@@ -151,20 +150,6 @@ def test_a_large_map_has_another_dominant_light(height):
     np.testing.assert_allclose(found.irradiance, 10 * truth, rtol=0.06)
     np.testing.assert_allclose(found.direction, normalize(np.asarray(CENTRES["left"])), atol=0.01)
     assert np.abs(rest - 0.3).mean() < 0.01
-
-
-@pytest.mark.parametrize("exists", [0.0, 0.3, 1.0])
-def test_of_an_unsure_light_a_part_shines_from_around_it(exists):
-    """All power stays, channel by channel; the share that is sure stays where it is."""
-    emitter, truth = disc(CENTRES["left"], 6.0, (8.0, 4.0, 2.0))
-    radiance = 10 * emitter + 0.3
-    expected = expected_light(radiance, np.array([[exists, *normalize(np.asarray(CENTRES["left"]))]], np.float32))
-    np.testing.assert_allclose(integral(expected), integral(radiance), rtol=1e-4)
-    inside = emitter[..., 0] > 0.5 * emitter[..., 0].max()
-    np.testing.assert_allclose(expected[inside].mean() / radiance[inside].mean(), exists, atol=0.05)
-    behind = pixel_directions(64) @ normalize(np.asarray(CENTRES["left"])) < -0.9
-    around = (1.0 - exists) * 10 * truth / (2 * np.pi * (np.e - 1 / np.e))  # times exp of the cosine
-    np.testing.assert_allclose(expected[behind].mean(axis=0), 0.3 + around * np.exp(-0.95), rtol=0.03)
 
 
 def test_a_light_that_the_rest_of_the_map_contradicts_is_less_sure():

@@ -30,7 +30,6 @@ from anyprobe.files.paths import is_same_file
 from anyprobe.inputs.description import numbers_in
 from anyprobe.inputs.hints import HINTS
 from anyprobe.light.environment import rotate
-from anyprobe.light.light_sources import expected_light
 from anyprobe.maps.radiance import opaque_linear
 from anyprobe.pictures.headers import MAX_PIXELS
 from anyprobe.pictures.images import read_image, write_png
@@ -215,7 +214,7 @@ def _radiance(
     """Return radiance, gain, ground and warnings of the given map, as read_with_origin reads it, or of an estimate.
 
     A given map is turned back to the camera's frame; its ground is the one stored with it, or else estimated from the
-    photo. Of an estimate it is the light to expect, scaled to the brightness that the object needs.
+    photo. An estimate is scaled to the brightness that the object needs.
     """
     if isinstance(source, tuple):
         radiance, origin, turn = source
@@ -225,7 +224,6 @@ def _radiance(
         ground = Ground.of(origin["ground"]) if is_same_photo else session.estimate(models.estimator(), [photo]).ground
         return radiance, 1.0, ground, photo.warnings
     light = session.estimate(source, [photo])
-    light = replace(light, radiance=expected_light(light.radiance, light.said_sources))
     gain = 1.0 if photo.material is not None else least_scale(photo, light.radiance)  # a material settles the level
     mirrored = light.panorama(PANORAMA_ROWS, frame="camera", lit=True).radiance
     return mirrored * np.float32(gain), gain, light.ground, light.warnings

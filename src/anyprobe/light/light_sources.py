@@ -114,18 +114,6 @@ def split_dominant_light(
     return (found or (NO_SOURCE,))[0], rest
 
 
-def expected_light(
-    radiance: Float[np.ndarray, "H 2*H 3"], said: Float[np.ndarray, "S 4"] | None = None
-) -> Float[np.ndarray, "H 2*H 3"]:
-    """Return the light to expect where its direction is unsure, to shade with: as much of the dominant light as it is
-    likely there, and the rest of its power around it, by exp of the cosine. said: see find_sources."""
-    source, rest = split_dominant_light(radiance, said)
-    around = np.exp(pixel_directions(len(radiance)) @ source.direction)
-    around /= (around * pixel_solid_angles(len(radiance))).sum()
-    spread = rest + source.power * around[..., None]
-    return (source.exists * radiance + (1.0 - source.exists) * spread).astype(np.float32)
-
-
 def _taken(
     radiance: np.ndarray, lobes: Iterable[tuple[LightSource, np.ndarray, np.ndarray]]
 ) -> tuple[tuple[LightSource, ...], np.ndarray]:
