@@ -145,7 +145,10 @@ class Light:
         return cls(radiance=radiance, map_from_camera=turn, origin=Origin(model=model or None))
 
     def sh9(self) -> Float[np.ndarray, "9 3"]:
-        """Radiance in nine real spherical harmonics [9, 3], see light.harmonics; order and signs of WebXR, three.js."""
+        """Radiance in nine real, orthonormal spherical harmonics [9, 3]; order and signs of WebXR and three.js.
+
+        The order is 1, y, z, x, xy, yz, 3z2-1, xz, x2-y2, see light.harmonics.
+        """
         return project(self.radiance)
 
     def sources(self) -> tuple[LightSource, ...]:

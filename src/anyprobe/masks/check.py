@@ -71,7 +71,8 @@ FEW_PX: int = _GIVEN["few_px"]
 def look_at_given(mask: np.ndarray) -> tuple[np.ndarray, list[str]]:
     """Return the part of a given mask [H, W] that matters, see masks.parts, and a warning for each oddity.
 
-    A segmenter's overlay, which is translucent on the object too, is scaled to 1 there.
+    A segmenter's overlay, which is translucent on the object too, is scaled to 1 there. An outline is a mask of less
+    than OUTLINE of itself with its largest hole filled, gaps closed (parts.keep_object).
 
     Raises:
         InvalidMask: the part is too small.

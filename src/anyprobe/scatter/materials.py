@@ -50,8 +50,9 @@ PRESETS, MEASURED = _named("named"), _named("measured")
 
 Named: chrome reflects as chromium does (Johnson and Christy 1974, at 650, 550 and 450 nm), mirror reflects all light,
 matte as much as objects do in the median (.29 of what a white sphere in their place would, in 277 rendered photos), and
-plaster to rubber are typical of their kind. Measured: those of the Physically Based database (physicallybased.info,
-CC0) that Material can express, see research.measured_materials.
+plaster to rubber are typical of their kind. Gold's f0 is the usual one of metal/roughness shaders, (1, .766, .336),
+rounded; the alphas of gold, plastic and satin are our own choice. Measured: those of the Physically Based database
+(physicallybased.info, CC0) that Material can express, see research.measured_materials.
 """
 ELEMENTS = (
     "beryllium cesium cobalt germanium iridium lithium magnesium manganese mercury molybdenum palladium platinum "

@@ -39,7 +39,7 @@ class Look:
 
 def draw_look(rng: np.random.Generator, object_mean: float | None, frame: np.ndarray, truth: np.ndarray) -> Look:
     """Draw a camera that meters the luminance of pixels [N] of the frame and of the object, in light [64, 128, 3]; of a
-    cut-out, which has no frame, of the light that stood behind it."""
+    cut-out, which has no frame, of the light that stood behind it. distributions.draw_photo_gain draws the exposure."""
     level = distributions.seen_level(frame) if len(frame) else float(distributions.frame_level(luminance(truth)))
     gain = distributions.draw_photo_gain(rng, level if object_mean is None else object_mean, level)
     ambient = (truth * pixel_solid_angles(len(truth))[..., None]).sum(axis=(0, 1))
