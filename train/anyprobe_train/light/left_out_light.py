@@ -1,7 +1,9 @@
-"""Scores of the light network on photos that are left out: path-traced ones, and cut-outs as evaluate renders them."""
+"""Scores of the light network on left-out photos: path-traced ones, also without their objects, cut-outs as evaluate
+renders them, and four cross sets of the fast world: seen or new maps, seen or new shapes."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import fields
+from itertools import product
 from operator import itemgetter
 from pathlib import Path
 
@@ -15,10 +17,12 @@ from anyprobe_train.evaluate.scoring import dominant_light_share
 from anyprobe_train.light.both_ways import both_ways
 from anyprobe_train.light.drawing import NEAR_DEG
 from anyprobe_train.light.network import LeanNet, LightAnswer, LightInputs
-from anyprobe_train.light.pictured import LightTruth, tensors_of
-from anyprobe_train.world.batch import PHOTO_FAMILIES, LightBatch, fieldwise
+from anyprobe_train.light.pictured import LightTruth, seen_again, tensors_of, without_object
+from anyprobe_train.world.batch import PHOTO_FAMILIES, LightBatch, World, fieldwise, make_batch
 
-AT_ONCE = 32
+AT_ONCE, FIRST_CUT_OUT = 32, PHOTO_FAMILIES.index("cut_out")
+PARTS = {"seen": "train", "new": "left-out"}
+CROSS_SEED, CROSS_BATCHES = 1_000_003, 2
 CUT_OUTS = "cut_outs"
 """Folder, beside the photos that are left out, of left-out cut-outs as the evaluation renders them."""
 
@@ -86,15 +90,25 @@ def summary(rows: list[dict[str, float]], prefix: str) -> dict[str, float]:
     return {f"{prefix}{name}": round(float(value), 4) for name, value in found.items()}
 
 
-def left_out_scores(folder: Path) -> Callable[[LeanNet], dict[str, float]]:
-    """Return what scores a network by the batches of a folder: whole photos, each family, and those of CUT_OUTS."""
+def left_out_scores(folder: Path, data: Path | None, cache: Path) -> Callable[[LeanNet], dict[str, float]]:
+    """Return what scores a network by the batches of a folder, by those of its CUT_OUTS, and by the cross sets, which
+    are made when they are asked for first."""
+    cross: dict[str, list[LightBatch]] = {}
 
     def score(net: LeanNet) -> dict[str, float]:
-        rows = _rows(net, kept_batches(folder))
-        whole = [row for row in rows if row["family"] < PHOTO_FAMILIES.index("cut_out")]
+        kept = kept_batches(folder)
+        rows, bare = _rows(net, kept), _rows(net, kept, with_objects=False)
+        whole, without = ([row for row in one if row["family"] < FIRST_CUT_OUT] for one in (rows, bare))
         found = summary(whole, "") if whole else {}
-        for number, name in enumerate(PHOTO_FAMILIES):
-            own = [row for row in rows if row["family"] == number]
+        parts = {name: [row for row in rows if row["family"] == number] for number, name in enumerate(PHOTO_FAMILIES)}
+        parts["without"] = without
+        for maps, shapes in product(PARTS, PARTS):
+            name = f"{maps}_maps_{shapes}_shapes"
+            if name not in cross:
+                world = World.open(data, cache, PARTS[maps], PARTS[shapes], first=4, every=10**9)
+                cross[name] = [make_batch(world, CROSS_SEED, k) for k in range(CROSS_BATCHES)]
+            parts[name] = _rows(net, cross[name])
+        for name, own in parts.items():
             short = summary(own, f"{name}_") if own else {}
             found |= {key: short[key] for key in short if key.endswith(("_ldr_rmse", "_dominant_deg"))}
         cut = _rows(net, kept_batches(folder / CUT_OUTS))
@@ -103,6 +117,12 @@ def left_out_scores(folder: Path) -> Callable[[LeanNet], dict[str, float]]:
     return score
 
 
-def _rows(net: LeanNet, batches: list[LightBatch]) -> list[dict[str, float]]:
-    device = str(next(net.parameters()).device)
-    return [row for batch in batches for row in rows_of(net, *tensors_of(batch, device))]
+def _rows(net: LeanNet, batches: list[LightBatch], *, with_objects: bool = True) -> list[dict[str, float]]:
+    found: list[dict[str, float]] = []
+    for batch in batches:
+        inputs, truth = tensors_of(batch, str(next(net.parameters()).device))
+        if not with_objects:
+            every = torch.ones_like(truth.family, dtype=torch.bool)
+            inputs = seen_again(without_object(inputs, every), every)
+        found += rows_of(net, inputs, truth)
+    return found

@@ -92,7 +92,7 @@ def train_light(
         for step, batch in enumerate(photos, first):
             yield with_traced(batch, traced, config.batch, (config.seed, step))
 
-    scored = None if dry_run is not None else left_out_scores(runs / "left_out")
+    scored = None if dry_run is not None else left_out_scores(runs / "left_out", data, cache)
     return run_light(config, batches=batches, runs=runs, assets=assets, device=device, scored=scored, start=start)
 
 

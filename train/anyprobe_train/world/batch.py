@@ -120,8 +120,8 @@ class World:
     most: int = 420
 
     @classmethod
-    def open(cls, data: Path | None, cache: Path, part: str = "train", **settings: int) -> World:
-        """Open the maps and shapes of a part, "train" or "left-out"; what is missing in the cache is made.
+    def open(cls, data: Path | None, cache: Path, part: str = "train", shapes: str = "", **settings: int) -> World:
+        """Open the maps of a part, "train" or "left-out", and its shapes or another's; what is missing is made.
 
         Raises:
             InputError: no data.
@@ -129,7 +129,7 @@ class World:
         if data is None or not all((data / name).is_dir() for name in ("hdri", "meshes")):
             text = "expected a folder with hdri and meshes, got none; fetch them with anyprobe-train data"
             raise InputError(text, subject="data", source=data or "")
-        return cls(maps=open_maps(data, cache, part), views=Views(shape_files(data, part), cache), **settings)
+        return cls(maps=open_maps(data, cache, part), views=Views(shape_files(data, shapes or part), cache), **settings)
 
     def count(self, k: int) -> int:
         """Return the number of views that batch k draws from."""
