@@ -13,6 +13,7 @@ import pytest
 torch = pytest.importorskip("torch", reason="needs ./train[torch]")
 
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles  # noqa: E402
+from anyprobe_train.light import left_out_light  # noqa: E402
 from anyprobe_train.light.both_ways import both_ways  # noqa: E402
 from anyprobe_train.light.drawing import POWER_FLOOR, MapDrawing  # noqa: E402
 from anyprobe_train.light.light_losses import LIGHT_WEIGHTS, LightLoss, total_of  # noqa: E402
@@ -24,6 +25,7 @@ from anyprobe_train.light.shape import CropFrame, ShapeNet, turned_towards  # no
 from anyprobe_train.light.traced import traced_photos, with_traced  # noqa: E402
 from anyprobe_train.train.checkpoint import save_init_weights  # noqa: E402
 from anyprobe_train.train.muon import MuonAndAdam, orthogonal  # noqa: E402
+from anyprobe_train.world.batch import make_batch  # noqa: E402
 
 pytestmark = pytest.mark.ci
 
@@ -366,3 +368,22 @@ def test_matrices_step_by_the_nearest_orthogonal_matrix_and_all_else_as_adam_doe
     assert ((along > 0.6) & (along < 1.3)).all(), along  # five rounds of the iteration are that near to 1
     for name in ("0.bias", "1.weight", "1.bias"):  # the first step of Adam has the gradient's signs
         torch.testing.assert_close(steps[name].abs(), torch.ones_like(steps[name]), rtol=1e-3, atol=1e-3)
+
+
+def test_left_out_scores_say_families_cross_sets_and_photos_without_objects(small_world, tmp_path, monkeypatch):
+    kept = make_batch(small_world, 3, 0)
+    kept.family[:] = [0, 0, 1, 5, 6]  # ground, table, cut_out, no_object
+    np.savez(tmp_path / "0.npz", **{one.name: getattr(kept, one.name) for one in fields(kept)})
+    asked = []
+    monkeypatch.setattr(left_out_light.World, "open", lambda *parts, **settings: asked.append(parts[2:]) or small_world)
+    monkeypatch.setattr(left_out_light, "CROSS_BATCHES", 1)
+    score = left_out_light.left_out_scores(tmp_path, None, tmp_path)
+    net = LeanNet().eval()
+    found = score(net)
+    assert asked == [("train", "train"), ("train", "left-out"), ("left-out", "train"), ("left-out", "left-out")]
+    named = {key.removesuffix("_ldr_rmse") for key in found if key.endswith("_ldr_rmse")} - {"ldr_rmse"}
+    cross = {f"{maps}_maps_{shapes}_shapes" for maps in ("seen", "new") for shapes in ("seen", "new")}
+    assert named == {"ground", "table", "cut_out", "no_object", "without", *cross}
+    assert found["ldr_rmse"] != found["without_ldr_rmse"]
+    assert score(net) == found
+    assert len(asked) == 4

@@ -62,10 +62,10 @@ def rows_of(net: LeanNet, inputs: LightInputs, truth: LightTruth) -> Iterator[di
                 "share": dominant_light_share(true),
                 "power": abs(power_ratio_stops(ours, true)),
                 "false_sources": float(false_sources(find_sources(ours, sources[k]), ours, true)),
-                "pitch": abs(float(np.degrees(guess.posture[k, 0].cpu())) - pitch[at]),
+                "pitch": abs(float(np.degrees(float(guess.posture[k, 0])) - pitch[at])),
                 "outdoors": np.nan if np.isnan(known) else float(said == (known > 0.5)),
                 "soft": float((float(guess.soft[k]) > 0) == (float(truth.soft[at]) > 0.5)),
-                "lens": abs(float(np.degrees(2 * np.arctan(np.exp(guess.lens[k, 0].cpu())))) - float(truth.fov[at])),
+                "lens": abs(float(np.degrees(2 * np.arctan(np.exp(float(guess.lens[k, 0])))) - float(truth.fov[at]))),
             }
             at += 1
 
