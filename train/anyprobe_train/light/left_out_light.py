@@ -22,7 +22,7 @@ from anyprobe_train.world.batch import PHOTO_FAMILIES, LightBatch, World, fieldw
 
 AT_ONCE, FIRST_CUT_OUT = 32, PHOTO_FAMILIES.index("cut_out")
 PARTS = {"seen": "train", "new": "left-out"}
-CROSS_SEED, CROSS_BATCHES = 1_000_003, 2
+CROSS_SEED, CROSS_BATCHES = 1_000_003, 2  # of each cross set
 CUT_OUTS = "cut_outs"
 """Folder, beside the photos that are left out, of left-out cut-outs as the evaluation renders them."""
 

@@ -23,7 +23,7 @@ from anyprobe_train.paper.settings import Setting
 from anyprobe_train.paper.sheets import as_pictures
 from anyprobe_train.paper.shipped import shipped_net
 from anyprobe_train.paper.tables import Tables
-from anyprobe_train.paper.training import is_trained, net_in_chain
+from anyprobe_train.paper.training import checkpoint_of, is_trained, net_in_chain
 
 DESIGNS, AGAIN = ("direct", "irradiance", "ours", "ideal"), ("irradiance_again", "ours_again")
 """Designs by the pieces that were trained; two by a second seed: rows X_again, steps X to X_again show its effect."""
@@ -62,7 +62,8 @@ def score_designs(runs: Path, setting: Setting, tables: Tables, mean_map: torch.
     names = [
         name
         for name in (*DESIGNS, *AGAIN)
-        if is_trained(piece_named(name), setting, runs) or shipped_net(name, setting)
+        if is_trained(piece_named(name), setting, runs)
+        or (not checkpoint_of(runs, name).is_file() and shipped_net(name, setting))
     ]
     nets = {name: net_in_chain(setting, runs, name)[0] for name in ("irradiance_net", "hdr_net", *names)}
     which = balanced(tables, count, 1)
@@ -146,7 +147,8 @@ def write_table(
     runs/table_1.npz."""
     torch.set_num_threads(threads)
     seen, test = (open_tables(data, runs, setting, split, say) for split in ("train", "test"))
-    rows = [score_designs(runs, setting, tables, seen.mean_map(), setting.table_pairs) for tables in (test, seen)]
+    mean_map, count = seen.mean_map(), setting.table_pairs
+    rows = [score_designs(runs, setting, tables, mean_map, count) for tables in (test, seen)]
     text = table(*rows)
     with atomic_path(runs / "table_1.md") as path:
         path.write_text(text, encoding="utf-8")
