@@ -15,7 +15,7 @@ torch = pytest.importorskip("torch", reason="needs ./train[torch]")
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles  # noqa: E402
 from anyprobe_train.light import left_out_light  # noqa: E402
 from anyprobe_train.light.both_ways import both_ways  # noqa: E402
-from anyprobe_train.light.drawing import POWER_FLOOR, MapDrawing  # noqa: E402
+from anyprobe_train.light.drawing import POWER_FLOOR, MapDrawing, directions_of  # noqa: E402
 from anyprobe_train.light.light_losses import LIGHT_WEIGHTS, LightLoss, total_of  # noqa: E402
 from anyprobe_train.light.light_run import LightRunConfig, run_light  # noqa: E402
 from anyprobe_train.light.network import LeanNet  # noqa: E402
@@ -137,7 +137,7 @@ def test_a_drawn_source_has_its_power_and_stands_in_its_place() -> None:
     area = float((drawing.solid_angles[0, 0] * half).sum())
     assert area == pytest.approx(2 * np.pi * (1 - np.cos(np.radians(10))), rel=0.12)
     near = torch.cos(torch.deg2rad(torch.tensor([1.0, 1.0])))
-    found = drawing.directions(places, 60 * (drawing.directions_of_map.T @ direction[0, 0]).view_as(density))[0, :2]
+    found = drawing.directions(places, 60 * (directions_of(64) @ direction[0, 0]).view_as(density))[0, :2]
     assert (found @ direction[0, 0] > near).all()
     unsure = drawing.directions(places, density)[0, :2]  # all directions are as likely by the density
     assert (unsure @ direction[0, 0] > near).all()

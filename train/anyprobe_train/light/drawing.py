@@ -36,7 +36,8 @@ class MapDrawing(nn.Module):
     """Place, size and power of sources and all other power -> radiance."""
 
     solid_angles: torch.Tensor
-    directions_of_map: torch.Tensor
+    angle_of_row: torch.Tensor
+    angle_of_column: torch.Tensor
     place_directions: torch.Tensor
     ln_place_angles: torch.Tensor
     peak_directions: torch.Tensor
@@ -46,7 +47,8 @@ class MapDrawing(nn.Module):
         super().__init__()
         for name, value in {
             "solid_angles": solid_angles_of(MAP_HEIGHT)[None, None],
-            "directions_of_map": directions_of(MAP_HEIGHT).T,
+            "angle_of_row": (torch.arange(MAP_HEIGHT) + 0.5) * (np.pi / MAP_HEIGHT),
+            "angle_of_column": (torch.arange(2 * MAP_HEIGHT) + (0.5 - MAP_HEIGHT)) * (np.pi / MAP_HEIGHT),
             "place_directions": directions_of(SOURCE_ROWS),
             "ln_place_angles": solid_angles_of(SOURCE_ROWS).flatten().log(),
             "peak_directions": directions_of(PEAK_ROWS),
@@ -125,7 +127,10 @@ class MapDrawing(nn.Module):
     def discs(self, directions: torch.Tensor, ln_radius: torch.Tensor) -> torch.Tensor:
         """Return how much of each map pixel each source covers [N, S, 8192], with a soft edge."""
         radius = torch.exp(ln_radius).clamp(LEAST_DEG, MOST_DEG)[..., None]
-        cosine = (directions @ self.directions_of_map).clamp(-1 + 1e-6, 1 - 1e-6)
+        x, y, z = directions[..., None, None].unbind(dim=2)  # [N, S, 1, 1]
+        level = x * torch.sin(self.angle_of_column) - z * torch.cos(self.angle_of_column)
+        row = self.angle_of_row[:, None]
+        cosine = (torch.sin(row) * level + torch.cos(row) * y).flatten(2).clamp(-1 + 1e-6, 1 - 1e-6)
         degrees = torch.acos(cosine) * (180.0 / np.pi)
         return ((radius + EDGE_DEG - degrees) / (2 * EDGE_DEG)).clamp(0.0, 1.0)
 

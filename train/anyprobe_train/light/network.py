@@ -15,7 +15,16 @@ from torch.nn import functional as F
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe_train.light.drawing import LN_MOST, SLOTS, MapDrawing, directions_of, pictured_directions
 from anyprobe_train.light.object_map import ObjectMap
-from anyprobe_train.light.shape import SIDE, CropFrame, ShapeNet, turned_back, turned_towards
+from anyprobe_train.light.shape import (
+    SIDE,
+    CropFrame,
+    ShapeNet,
+    facing,
+    middles,
+    plane_of,
+    turned_back,
+    turned_towards,
+)
 from anyprobe_train.light.shown import inverse_display
 from anyprobe_train.nets.blocks import conv, two_layers, wrap
 
@@ -139,7 +148,7 @@ class LeanNet(nn.Module):
     fine_directions: torch.Tensor
     lift_directions: torch.Tensor
     coarse_directions: torch.Tensor
-    grid: torch.Tensor
+    middle_of: torch.Tensor
 
     def __init__(self) -> None:
         super().__init__()
@@ -174,11 +183,7 @@ class LeanNet(nn.Module):
         self.register_buffer("fine_directions", pictured_directions(MAP_HEIGHT // 2), persistent=False)
         self.register_buffer("lift_directions", directions_of(GLOSSY_ROWS), persistent=False)
         self.register_buffer("coarse_directions", directions_of(MATTE_ROWS), persistent=False)
-        middle_of = (torch.arange(PICTURE_PX) + 0.5) * (2.0 / PICTURE_PX) - 1.0
-        grid = torch.stack(
-            [middle_of.expand(PICTURE_PX, PICTURE_PX), -middle_of[:, None].expand(PICTURE_PX, PICTURE_PX)]
-        )
-        self.register_buffer("grid", grid[None].contiguous(), persistent=False)
+        self.register_buffer("middle_of", middles(PICTURE_PX), persistent=False)
         with torch.no_grad():
             for layer in (self.head, self.posture, self.of_light[2], self.of_photo[2]):
                 for parameter in layer.parameters():
@@ -186,9 +191,9 @@ class LeanNet(nn.Module):
 
     def forward(self, inputs: LightInputs) -> LightAnswer:
         half, center, side, known = inputs.lens.split([1, 2, 1, 1], dim=1)
-        rays = self.grid * half[:, :, None, None]
+        rays = plane_of(self.middle_of * half)
         is_known = known[:, :, None, None].expand(-1, 1, PICTURE_PX, PICTURE_PX)
-        crop_rays = self.grid * side[:, :, None, None] + center[:, :, None, None]
+        crop_rays = plane_of(self.middle_of * side) + center[:, :, None, None]
         _, _, seen_code = self.context(_last(torch.cat([inputs.context, rays, is_known], dim=1)))
         frame = self.frame(center, side)
         n = self.shape(inputs.picture, *frame[1:])
@@ -237,7 +242,7 @@ class LeanNet(nn.Module):
         """Return how much each of the P = 24 * 24 points of the crop counts in each direction: along those that they
         mirror [N, 512, P], and along their normals [N, 128, P]."""
         n = F.normalize(F.avg_pool2d(normals, 2), dim=1).flatten(2)  # [N, 3, P]
-        wo = _facing(F.avg_pool2d(crop_rays, 4)).flatten(2)
+        wo = facing(F.avg_pool2d(crop_rays, 4)).flatten(2)
         wi = 2.0 * (n * wo).sum(dim=1, keepdim=True) * n - wo
 
         def weights(about: torch.Tensor, to: torch.Tensor, sharpness: float) -> torch.Tensor:
@@ -342,8 +347,3 @@ class LeanNet(nn.Module):
 
 def _last(x: torch.Tensor) -> torch.Tensor:
     return x.contiguous(memory_format=torch.channels_last)
-
-
-def _facing(rays: torch.Tensor) -> torch.Tensor:
-    """Return unit directions to the camera [N, 3, H, W] of points on the image plane [N, 2, H, W] (right, up)."""
-    return F.normalize(torch.cat([-rays, torch.ones_like(rays[:, :1])], dim=1), dim=1)

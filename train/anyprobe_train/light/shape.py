@@ -11,6 +11,23 @@ CROP_PX, SIDE = 128, 64
 WIDTHS = (16, 32, 80, 160, 256)
 
 
+def middles(size: int) -> torch.Tensor:
+    """Return the middles of so many pixels of a line from -1 to 1."""
+    return (torch.arange(size) + 0.5) * (2.0 / size) - 1.0
+
+
+def plane_of(line: torch.Tensor) -> torch.Tensor:
+    """Return right and up [N, 2, S, S] of a square's pixels by those of its upper line, [N, S]; exports fold nothing of
+    it into a constant."""
+    square = line[:, None].expand(-1, line.shape[1], -1)
+    return torch.stack([square, -square.transpose(1, 2)], dim=1)
+
+
+def facing(rays: torch.Tensor) -> torch.Tensor:
+    """Return unit directions to the camera [N, 3, H, W] of points on the image plane [N, 2, H, W] (right, up)."""
+    return F.normalize(F.pad(-rays, (0, 0, 0, 0, 0, 1), value=1.0), dim=1)
+
+
 class CropFrame(nn.Module):
     """Centre (right, up) [N, 2] of crops and half their sides [N, 1] on the image plane -> the directions to them
     [N, 3]; of their pixels, in the frame of a camera that looks at the centre, x / z and y / z [N, 2, 64, 64] and unit
@@ -20,14 +37,12 @@ class CropFrame(nn.Module):
 
     def __init__(self) -> None:
         super().__init__()
-        middle_of = (torch.arange(SIDE) + 0.5) * (2.0 / SIDE) - 1.0
-        grid = torch.stack([-middle_of.expand(SIDE, SIDE), middle_of[:, None].expand(SIDE, SIDE)])
-        self.register_buffer("middle_of", grid[None].contiguous(), persistent=False)
+        self.register_buffer("middle_of", middles(SIDE), persistent=False)
 
     def forward(self, center: torch.Tensor, half: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
         ray = F.normalize(torch.cat([center, -torch.ones_like(half)], dim=1), dim=1)
-        slope = self.middle_of * (half * (-ray[:, 2:]) ** 1.5)[:, :, None, None]
-        return ray, slope, F.normalize(torch.cat([slope, torch.ones_like(slope[:, :1])], dim=1), dim=1)
+        slope = plane_of(-self.middle_of * (half * (-ray[:, 2:]) ** 1.5))
+        return ray, slope, facing(-slope)
 
 
 class ShapeNet(nn.Module):

@@ -125,7 +125,12 @@ def store_small(model) -> None:
             parts, widen = {"half": half}, partial(onnx.helper.make_node, "Cast", to=onnx.TensorProto.FLOAT)
         model.graph.initializer.extend(numpy_helper.from_array(part, f"{name}_{kind}") for kind, part in parts.items())
         widened.append(widen([f"{name}_{kind}" for kind in parts], [name]))
-    for node in model.graph.node:
-        node.input[:] = [renamed.get(name, name) for name in node.input]
     for node in reversed(widened):
         model.graph.node.insert(0, node)
+    short = {one.name: one.name for one in (*model.graph.input, *model.graph.output)} | {"": ""}
+    for node in model.graph.node:  # names of the tracer's take a quarter of a megabyte
+        node.name = ""
+        for names in (node.input, node.output):
+            names[:] = [short.setdefault(renamed.get(name, name), f"{len(short):x}") for name in names]
+    for tensor in model.graph.initializer:
+        tensor.name = short.setdefault(tensor.name, f"{len(short):x}")
