@@ -15,16 +15,7 @@ from torch.nn import functional as F
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe_train.light.drawing import LN_MOST, SLOTS, MapDrawing, directions_of, pictured_directions
 from anyprobe_train.light.object_map import ObjectMap
-from anyprobe_train.light.shape import (
-    SIDE,
-    CropFrame,
-    ShapeNet,
-    facing,
-    middles,
-    plane_of,
-    turned_back,
-    turned_towards,
-)
+from anyprobe_train.light.shape import SIDE, CropFrame, ShapeNet, facing, middles, plane_of, turned_back, turned_towards
 from anyprobe_train.light.shown import inverse_display
 from anyprobe_train.nets.blocks import conv, two_layers, wrap
 
