@@ -120,7 +120,7 @@ def run(small_world):
 
     def call(folder, stop_after=None):
         config = small_mask_run(MaskRunConfig(), 4)
-        return train_mask(config, data=None, runs=folder, stop_after=stop_after, world=small_world)
+        return train_mask(config, data=None, runs=folder, last=stop_after, world=small_world)
 
     return call
 

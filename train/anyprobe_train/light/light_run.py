@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import torch
 
@@ -27,7 +28,6 @@ SMALL_BATCH, FEW_VIEWS = 8, 2
 
 Batches = Callable[[int], Iterator[LightBatch]]
 """From the first step on: the batches of its and of the following steps, as the world makes them."""
-Scored = Callable[[LeanNet], dict[str, float]]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -96,20 +96,10 @@ def train_light(
     return run_light(config, batches=batches, runs=runs, assets=assets, device=device, scored=scored, start=start)
 
 
-def run_light(
-    config: LightRunConfig,
-    *,
-    batches: Batches,
-    runs: Path,
-    assets: str,
-    device: str = "cpu",
-    last: int | None = None,
-    scored: Scored | None = None,
-    start: Path | None = None,
-) -> Path:
+def run_light(config: LightRunConfig, *, batches: Batches, device: str = "cpu", **rest: Any) -> Path:
     """Train to config.steps by train.loop.learn, which has the other arguments; the checkpoint's path.
 
-    assets: identity of what batches are drawn from. start: weights that `save_init_weights` kept.
+    rest: its, such as assets, identity of what batches are drawn from, and start, weights that export --keep saved.
     """
     torch.manual_seed(config.seed)
     torch.set_flush_denormal(True)
@@ -133,17 +123,4 @@ def run_light(
         optimizer.step(rate / config.learning_rate)
         return {**terms, "loss": loss}, len(truth.fov)
 
-    return learn(
-        config,
-        net,
-        optimizer,
-        do_step,
-        examples,
-        runs=runs,
-        columns=(*LIGHT_WEIGHTS, "loss"),
-        origin={"assets": assets},
-        device=device,
-        last=last,
-        scored=scored,
-        start=start,
-    )
+    return learn(config, net, optimizer, do_step, examples, columns=(*LIGHT_WEIGHTS, "loss"), **rest)

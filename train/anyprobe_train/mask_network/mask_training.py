@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import torch
 from torch.nn import functional as F
@@ -30,22 +31,16 @@ def mask_loss(logits: torch.Tensor, target: torch.Tensor) -> torch.Tensor:
 
 
 def train_mask(
-    config: MaskRunConfig,
-    *,
-    data: Path | None,
-    runs: Path,
-    stop_after: int | None = None,
-    world: World | None = None,
-    start: Path | None = None,
+    config: MaskRunConfig, *, data: Path | None, runs: Path, world: World | None = None, **rest: Any
 ) -> Path:
     """Train to config.steps, resuming from the checkpoint of runs/<config.name> if there is one; return its path.
 
     Args:
         data: folder with hdri/train and meshes/train, needed unless its world is at hand.
         runs: the checkpoint and log.csv go to runs/<config.name>, views to runs/world.
-        stop_after: stop (with a checkpoint) once this many steps are done in all.
         world: what scenes are drawn from, when it is open already.
-        start: weights to start from, of train.checkpoint; a resumed run may name those that it started from.
+        rest: of train.loop.learn: last, to stop (with a checkpoint) once this many steps are done in all, and start,
+            weights to start from, of train.checkpoint; a resumed run may name those that it started from.
 
     Raises:
         InputError: a checkpoint of another run (train.checkpoint), or no data.
@@ -54,7 +49,6 @@ def train_mask(
     net = MaskNet().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     optimizer = torch.optim.AdamW(net.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay)
     world = world or World.open(data, runs / "world", first=config.views)
-    origin = {"assets": assets_of(world)}
 
     def examples(first: int, last: int) -> Iterator[MaskBatch]:
         for step, batch in enumerate(mask_batches(world, config, first, last), first):
@@ -83,14 +77,5 @@ def train_mask(
         return {"loss": loss, "iou": iou[full].mean()}, len(image)
 
     return learn(
-        config,
-        net,
-        optimizer,
-        do_step,
-        examples,
-        runs=runs,
-        columns=("loss", "iou"),
-        origin=origin,
-        last=stop_after,
-        start=start,
+        config, net, optimizer, do_step, examples, runs=runs, columns=("loss", "iou"), assets=assets_of(world), **rest
     )

@@ -51,8 +51,7 @@ def learn(
     *,
     runs: Path,
     columns: tuple[str, ...],
-    origin: dict[str, Any],
-    device: str = "cpu",
+    assets: str,
     last: int | None = None,
     scored: Callable[[Any], dict[str, float]] | None = None,
     start: Path | None = None,
@@ -62,7 +61,7 @@ def learn(
     Args:
         do_step: learns from an example at a learning rate; its losses, by the names of columns, and number of photos.
         examples: from a step to another, what each learns from.
-        origin: identity of what they are drawn from. last: stop at this step, to go on later.
+        assets: identity of what they are drawn from. last: stop at this step, to go on later.
         scored: figures of the running mean of the network, written to left_out.jsonl beside the checkpoint.
         start: weights of train.checkpoint to go on from, at the step that they were kept at, if they say it.
 
@@ -70,7 +69,7 @@ def learn(
         InputError, ModelError: of train.checkpoint.resumed and read_init_weights.
     """
     path = runs / config.name / "checkpoint.pt"
-    stored, origin = resumed(path, config, origin, start, device)
+    stored, origin = resumed(path, config, {"assets": assets}, start, str(next(net.parameters()).device))
     first, mean = 0, deepcopy(net)
     if stored is not None:
         load_weights(mean, stored["net"], path)
