@@ -8,7 +8,6 @@ what is made of it, by whose first eight digits recipes name it. Rows without an
 anew: what decimated them, or closed their holes, was not recorded.
 """
 
-import csv
 import hashlib
 from collections.abc import Iterator
 from functools import partial
@@ -23,7 +22,7 @@ from anyprobe.maps.exr import read_exr
 from anyprobe.maps.radiance import decode_hdr
 from anyprobe_train.assets.download import Client, DownloadError, Fetch
 from anyprobe_train.assets.manifest import Manifest
-from anyprobe_train.dataset.catalog import Row
+from anyprobe_train.dataset.catalog import Row, read_table
 from anyprobe_train.dataset.recipe import digest, read_recipes
 from anyprobe_train.evaluate.scoring import FROZEN
 
@@ -46,8 +45,7 @@ def frozen_files(table: Path = TABLE) -> list[Row]:
     which of the source's axes are x, y and z, as "x z -y". centre, radius: of the sphere, in the turned source, that
     becomes the unit sphere.
     """
-    with table.open(newline="", encoding="utf-8") as stream:
-        return list(csv.DictReader(stream))
+    return read_table(table)[1]
 
 
 def fetch_all(files: list[Row], to: Path, client: Client, host: str = HOST) -> Iterator[Fetch]:

@@ -1,6 +1,5 @@
 """Real photos of one object each, cropped as the networks take them."""
 
-import csv
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +12,7 @@ from anyprobe.core.frames import normalize
 from anyprobe.errors import InputError
 from anyprobe.estimate.photo import Photo, inputs_of, load_photo
 from anyprobe.estimate.runtime import Models, crop_of
+from anyprobe_train.dataset.catalog import read_table
 
 GLOSSY = "glossy"
 """Word in the material of lights.csv by which an object is specular."""
@@ -74,8 +74,7 @@ class LampPhoto:
 
 def lamp_photos(folder: Path) -> list[LampPhoto]:
     """Read the photos of folder/lights.csv: file, mask, object, material, and x, y, z towards the lamp."""
-    with (folder / "lights.csv").open(newline="", encoding="utf-8-sig") as stream:
-        rows = list(csv.DictReader(stream))
+    rows = read_table(folder / "lights.csv")[1]
     if not rows:
         raise InputError("expected a row for each photo, got none", source=folder / "lights.csv")
     return [
