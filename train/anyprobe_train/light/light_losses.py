@@ -107,7 +107,7 @@ class LightLoss:
         level, color = self._level_and_color(drawn, radiance)
         spheres = [self._spheres(drawn), self._spheres(expected), self._spheres(radiance)]
         return {
-            "display": pixel_loss(shown, self.weight),
+            "display": (self.weight * (shown.abs() * 0.5 + shown.square() * 2)).mean(),
             "scales": scales_loss(shown),
             "ln": (self.weight * (guess.ln_shown - ln.clamp(max=0.0)).abs()).mean(),
             "density": (counts * cross).mean(),
@@ -202,14 +202,6 @@ class LightLoss:
         return {"normals": mean_where(normals, known), "material": mean_where(material, known)}
 
 
-def pixel_loss(difference: torch.Tensor, weight: torch.Tensor) -> torch.Tensor:
-    """Compute the mean of weight (|d| / 2 + 2 d^2) over differences d [N, 3, H, 2H] of display values.
-
-    weight: of pixels, [1, 1, H, 2H].
-    """
-    return (weight * (difference.abs() * 0.5 + difference.square() * 2)).mean()
-
-
 def scales_loss(difference: torch.Tensor) -> torch.Tensor:
     """Compute the sum of mean d^2 + .3 mean |d| over differences d [N, 3, H, 2H] of display values, averaged over 2, 4,
     8 and 16 pixels."""
@@ -228,7 +220,4 @@ def _coarse(share: torch.Tensor) -> torch.Tensor:
 
 def total_of(losses: Mapping[str, torch.Tensor]) -> torch.Tensor:
     """Return the weighted sum, in the order of LIGHT_WEIGHTS."""
-    total = next(iter(losses.values())).new_zeros(())
-    for name, weight in LIGHT_WEIGHTS.items():
-        total = total + weight * losses[name]
-    return total
+    return sum((weight * losses[name] for name, weight in LIGHT_WEIGHTS.items()), torch.zeros(()))
