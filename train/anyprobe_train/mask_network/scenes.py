@@ -72,7 +72,7 @@ def draw_scene(world: World, seed: int, number: int, size: int = SCENE_PX) -> Sc
     layout = draw_layout(rng, surroundings, view, light, world.maps, others[:2])
     eye = view["eye"].astype(float)
     toward = eye * [1, 0, 1] / np.linalg.norm(eye[[0, 2]])
-    layout.others.extend(stand_beside(rng, other, view, eye, toward) for other in others[len(layout.others) :])
+    layout.others.extend(stand_beside(rng, other, view, toward) for other in others[len(layout.others) :])
     is_plain = family != "no_object" and rng.random() < PLAIN_SHARE
     traced = trace(world.maps, "cut_out" if is_plain else family, layout, view, rng, PAINTED_SHARE, size)
     behind = traced.behind
@@ -114,7 +114,7 @@ def photograph(rng: np.random.Generator, scene: Scene, part: Window, size: int) 
     object_mean = max(float((bright * on).sum() / on.sum()), 1e-9) if on.any() else None
     look = draw_look(rng, object_mean, bright.ravel(), scene.light)
     photo = np.full((size, size, 3), PADDING_GREY, np.float32)
-    photo[inside] = develop(look, radiance, square, scene.frame.tangents, look.blur, rng)[inside] / 255.0
+    photo[inside] = develop(look, radiance, square, scene.frame, look.blur, rng)[inside] / 255.0
     return MaskPhoto(photo=photo, covers=covers, bounds=(first, first + high, begin, begin + wide))
 
 

@@ -275,7 +275,7 @@ def _tensors(family: str, traced: Traced, rng: np.random.Generator) -> dict[str,
     crop_window = _crop_window(mask, window)
     blur = look.blur * (crop_window[1] - crop_window[0]) / (2 * most)
     context = np.zeros((SQUARE_PX, SQUARE_PX, 5), np.uint8)
-    shown = develop(look, radiance, whole, frame.tangents, blur, rng)
+    shown = develop(look, radiance, whole, frame, blur, rng)
     cut = None
     if behind is None:
         cut = np.uint8(round(255 * BACKDROPS[rng.integers(len(BACKDROPS))]))
@@ -292,7 +292,7 @@ def _tensors(family: str, traced: Traced, rng: np.random.Generator) -> dict[str,
             shown = _before_one_color(own, cut, look, frame, crop_window, rng)
         else:
             back = window_resampled(behind, whole, crop_window, SQUARE_PX, 1)
-            shown = develop(look, own[..., :3] + (1 - own[..., 3:]) * back, crop_window, frame.tangents, look.blur, rng)
+            shown = develop(look, own[..., :3] + (1 - own[..., 3:]) * back, crop_window, frame, look.blur, rng)
         crop = np.round(np.dstack([shown * given[..., None], 255 * given])).astype(np.uint8)
     known = rng.random() < LENS_KNOWN
     scale = 1.0 if known else ASSUMED_TANGENT / most
@@ -352,7 +352,7 @@ def _before_one_color(
 ) -> np.ndarray:
     """Return display values of a window that shows the object, own [S, S, 4], before one colour."""
     share = own[..., 3:]
-    shown = develop(look, own[..., :3] / np.maximum(share, 1e-3), window, frame.tangents, 0.0, rng)
+    shown = develop(look, own[..., :3] / np.maximum(share, 1e-3), window, frame, 0.0, rng)
     return share * shown + (1 - share) * cut
 
 

@@ -20,6 +20,10 @@ SPREAD = 1.6
 """Spread of the grids of light: half of their points lie within so many radii of their middle."""
 
 
+Lamp = tuple[np.ndarray, float, np.ndarray]
+"""A glowing ball: centre [3], radius, radiance [3]."""
+
+
 @dataclass(kw_only=True, slots=True)
 class Panel:
     """One rectangle; see scene.Panels."""
@@ -47,11 +51,11 @@ class Standing:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Layout:
-    """Panels, others, near lamps (centre [3], radius, radiance [3]) and the light from far away."""
+    """Panels, others, near lamps and the light from far away."""
 
     panels: list[Panel]
     others: list[Standing]
-    lamps: list[tuple[np.ndarray, float, np.ndarray]]
+    lamps: list[Lamp]
     light: Light
 
 
@@ -63,7 +67,7 @@ def draw_layout(
     toward = eye * [1, 0, 1] / np.linalg.norm(eye[[0, 2]])
     panels: list[Panel] = []
     standing: list[Standing] = []
-    lamps: list[tuple[np.ndarray, float, np.ndarray]] = []
+    lamps: list[Lamp] = []
     if family == "ground":
         floor = _floor(0.0, GROUND_HALF, GROUND_HALF, 0.0, (np.ones((2, 2, 3)), 1.0, 1.0))
         floor.f0, floor.ground = 0.0, True
@@ -73,7 +77,7 @@ def draw_layout(
         if rng.random() < 0.3:
             panels.append(_wall(rng, view, toward, float(rng.uniform(1.5, 8.0)), _cover(rng, maps, 0.7)))
         if others and rng.random() < 0.2:
-            standing.append(stand_beside(rng, others[0], view, eye, toward))
+            standing.append(stand_beside(rng, others[0], view, toward))
     elif family == "things":
         kind = ("wall", "corner", "sweep", "window", "clutter", "plinth")[rng.integers(6)]
         plain = _cover(rng, maps, 1.0)
@@ -96,7 +100,7 @@ def draw_layout(
             if np.dot(eye - wall.origin, side) > 0.1:
                 panels.append(wall)
         if kind == "clutter":
-            standing += [stand_beside(rng, one, view, eye, toward) for one in others]
+            standing += [stand_beside(rng, one, view, toward) for one in others]
     elif family == "dark":
         light, lamps = _in_the_dark(rng, view, light, eye)
         cloth = _cloth(rng)
@@ -258,9 +262,7 @@ def _plinth(rng: np.random.Generator, view: np.void, cover: Cover) -> list[Panel
     return panels
 
 
-def stand_beside(
-    rng: np.random.Generator, other: np.void, view: np.void, eye: np.ndarray, toward: np.ndarray
-) -> Standing:
+def stand_beside(rng: np.random.Generator, other: np.void, view: np.void, toward: np.ndarray) -> Standing:
     """Place another object beside or behind the first, clear of it, turned as it was seen."""
 
     def reach(one: np.void) -> float:
@@ -270,14 +272,12 @@ def stand_beside(
     size = float(rng.uniform(0.5, 1.1))
     away = reach(view) + size * reach(other) + rng.uniform(0.1, 1.5)
     place = rotation_y(rng.uniform(np.pi / 2, np.pi) * rng.choice([-1, 1])) @ toward * away
-    wanted, own = eye - place, other["eye"]
+    wanted, own = view["eye"] - place, other["eye"]
     turn = np.arctan2(wanted[0], wanted[2]) - np.arctan2(own[0], own[2])
     return Standing(view=other, turn=float(turn), scale=size, place=place)
 
 
-def _in_the_dark(
-    rng: np.random.Generator, view: np.void, light: Light, eye: np.ndarray
-) -> tuple[Light, list[tuple[np.ndarray, float, np.ndarray]]]:
+def _in_the_dark(rng: np.random.Generator, view: np.void, light: Light, eye: np.ndarray) -> tuple[Light, list[Lamp]]:
     """Draw one to three lamps anywhere, also near the object or beside the lens."""
     center = np.array([0.0, float(view["top"]) / 2, 0.0])
     ahead = eye - center
@@ -302,9 +302,7 @@ def _in_the_dark(
     return light, lamps
 
 
-def _near_lamp(
-    rng: np.random.Generator, view: np.void, eye: np.ndarray, power: float
-) -> list[tuple[np.ndarray, float, np.ndarray]]:
+def _near_lamp(rng: np.random.Generator, view: np.void, eye: np.ndarray, power: float) -> list[Lamp]:
     """Draw a lamp within a few radii, as strong as `power` times a mean sky."""
     distance, radius = (float(np.exp(rng.uniform(*np.log(b)))) for b in ((2.5, 9.0), (0.1, 0.8)))
     place = np.array([0.0, float(view["top"]) / 2, 0.0]) + distance * lamp_direction(rng)

@@ -10,6 +10,7 @@ from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.core.response import CameraCurve, response
 from anyprobe_train.dataset import distributions
 from anyprobe_train.dataset.camera import draw_curve
+from anyprobe_train.world.photo import Frame
 from anyprobe_train.world.windows import Window
 
 CONTRAST, SATURATION = 0.15, 0.18
@@ -58,12 +59,7 @@ def draw_look(rng: np.random.Generator, object_mean: float | None, frame: np.nda
 
 
 def develop(
-    look: Look,
-    radiance: np.ndarray,
-    window: Window,
-    tangents: tuple[float, float],
-    blur: float,
-    rng: np.random.Generator,
+    look: Look, radiance: np.ndarray, window: Window, frame: Frame, blur: float, rng: np.random.Generator
 ) -> np.ndarray:
     """Return a window of the photo's plane as its file shows it, [S, S, 3] uint8, by area.
 
@@ -73,11 +69,11 @@ def develop(
     radiance = radiance * look.gain
     if look.vignette:
         x, y = (np.linspace(a, b, size, dtype=np.float32) for a, b in (window[:2], window[2:]))
-        radius = (x[None] ** 2 + y[:, None] ** 2) / (tangents[0] ** 2 + tangents[1] ** 2)
+        radius = (x[None] ** 2 + y[:, None] ** 2) / (frame.tangents[0] ** 2 + frame.tangents[1] ** 2)
         radiance = radiance * (1 - look.vignette * np.minimum(radius, 1.0))[..., None]
     if blur > 0.15:
         radiance = cv2.GaussianBlur(radiance, (0, 0), blur)
-    own = (window[1] - window[0]) / (2 * max(tangents)) * look.long_px  # pixels of the photo along the window
+    own = (window[1] - window[0]) / (2 * frame.most) * look.long_px  # pixels of the photo along the window
     small = max(int(round(own)), 8)
     if small < size:
         radiance = cv2.resize(radiance, (small, small), interpolation=cv2.INTER_AREA)
