@@ -30,6 +30,7 @@ from anyprobe_train.paper.figure_run import Run  # noqa: E402
 from anyprobe_train.paper.figures import FIGURES  # noqa: E402
 from anyprobe_train.paper.graphs import export_chain  # noqa: E402
 from anyprobe_train.paper.lobes import Rings, light_places, light_waves, lobes, shown  # noqa: E402
+from anyprobe_train.paper.losses import l2, picture_rmse  # noqa: E402
 from anyprobe_train.paper.materials import MATERIALS  # noqa: E402
 from anyprobe_train.paper.networks import HdrNet, IlluminationNet, IrradianceNet, in_chain  # noqa: E402
 from anyprobe_train.paper.open_tables import open_tables  # noqa: E402
@@ -37,11 +38,10 @@ from anyprobe_train.paper.pairs import balanced, drawn, pairs_of, reexposed  # n
 from anyprobe_train.paper.pieces import PIECES, network_of, piece_named  # noqa: E402
 from anyprobe_train.paper.reproduce import reproduce  # noqa: E402
 from anyprobe_train.paper.rivals import spheres_of, unwrapped_mirror, unwrapped_sphere  # noqa: E402
-from anyprobe_train.paper.scores import picture_rmse  # noqa: E402
 from anyprobe_train.paper.settings import SETTINGS  # noqa: E402
 from anyprobe_train.paper.table_1 import verdict  # noqa: E402
 from anyprobe_train.paper.tables import exposed, exposure_of  # noqa: E402
-from anyprobe_train.paper.training import checkpoint_of, l2, load_net, stored  # noqa: E402
+from anyprobe_train.paper.training import checkpoint_of, load_net, stored  # noqa: E402
 
 TINY = SETTINGS["tiny"]
 QUICK = replace(TINY, scored=4, log_every=100, score_every=100)

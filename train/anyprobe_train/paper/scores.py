@@ -6,6 +6,7 @@ import numpy as np
 import torch
 from torch import nn
 
+from anyprobe_train.paper.losses import picture_rmse
 from anyprobe_train.paper.pairs import PaperPairs, Which, balanced, pairs_of
 from anyprobe_train.paper.pieces import Piece, input_of, target_of
 from anyprobe_train.paper.tables import Tables
@@ -18,11 +19,6 @@ def blocks(tables: Tables, which: Which, frame: str = "sphere") -> Iterator[Pape
     """Yield the pairs, some at a time."""
     for first in range(0, len(which.map), BLOCK):
         yield pairs_of(tables, which.part(slice(first, first + BLOCK)), frame)
-
-
-def picture_rmse(estimate: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
-    """Return the root of each picture's mean square, [N]."""
-    return (estimate - truth).square().mean(dim=(1, 2, 3)).sqrt()
 
 
 class Scorer:

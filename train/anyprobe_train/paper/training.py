@@ -17,6 +17,7 @@ from anyprobe.errors import InputError
 from anyprobe.files.atomic import atomic_path
 from anyprobe_train.nets.blocks import autocast
 from anyprobe_train.paper import schedule
+from anyprobe_train.paper.losses import l2
 from anyprobe_train.paper.networks import in_chain
 from anyprobe_train.paper.pairs import PaperPairs, drawn, pairs_of, reexposed
 from anyprobe_train.paper.pieces import Piece, input_of, network_of, piece_named, steps_of, target_of
@@ -28,12 +29,6 @@ from anyprobe_train.paper.tables import EXPOSURES, Tables
 SAVE_SECONDS = 180.0
 WATCHING = {"scored", "table_pairs", "log_every", "score_every"}
 """Fields of a setting that a run may change as it goes on."""
-
-
-def l2(estimate: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
-    """Return the paper's one loss (Sect. 3.2 to 3.4), the mean squared difference over every pixel and channel, those
-    off the object among them."""
-    return (estimate.float() - truth.float()).square().mean()
 
 
 class Trainer:
