@@ -25,6 +25,7 @@ from anyprobe.files.objects import OBJECTS
 from anyprobe.inputs.hints import AUTO, HINTS, NONE, PHOTO
 from anyprobe.inputs.settings import SETTINGS
 from anyprobe.light.environment import check_radiance
+from anyprobe.light.light_sources import find_dominant_light
 from anyprobe.notices import Words
 from anyprobe.relight.appearance import least_scale
 from anyprobe.relight.insert import PHOTO_MATERIAL, Arrangement, Stage
@@ -150,7 +151,8 @@ class Relight(io.ComfyNode):
                 radiance, said, ground = estimated(one)
                 if found is not None:
                     radiance, said = check_radiance(found, "hdri"), one.warnings
-                stage = Stage(one, OBJECTS[shape](), Arrangement(size=size, at=foot, ground=ground))
+                place = Arrangement(size=size, at=foot, ground=ground, toward_light=find_dominant_light(radiance).direction)
+                stage = Stage(one, OBJECTS[shape](), place)
                 pictures.append(stage.relit(radiance, shape_material))
                 warnings += [*said, *stage.warnings]
         return io.NodeOutput(image_of(pictures), ui=warnings_of(warnings))

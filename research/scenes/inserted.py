@@ -98,7 +98,8 @@ def _row(layout: Layout, path: Path, estimator: Estimator) -> dict[str, Any] | N
     try:
         photo = load_photo(taken.picture, mask=taken.true_mask, fov_deg=layout.phone.long_fov_deg)
         light = estimator.from_photo(photo)
-        stage = Stage(photo, open_object("sphere"), Arrangement(size=SIZE, ground=light.ground))
+        place = Arrangement(size=SIZE, ground=light.ground, toward_light=light.dominant_light().direction)
+        stage = Stage(photo, open_object("sphere"), place)
     except AnyprobeError:
         return None
     if stage.placement.is_in_front or light.ground is None:

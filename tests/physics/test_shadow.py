@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from statistics import NormalDist
+
 import numpy as np
 import pytest
 
@@ -107,6 +109,29 @@ def test_light_that_does_not_reach_the_ground_is_not_lost_again():
     assert np.isfinite(behind_wall).all()
 
 
+@pytest.mark.parametrize(("lamp", "guess"), [(100.0, 600.0), (400.0, 250.0)])
+def test_a_shadow_that_is_seen_tells_the_dominant_lights_share(lamp, guess):
+    """Of a lamp that was taken for a stronger or weaker one, by the shadow of a wall."""
+    toward, sky = np.array([1.0, 1, 0]) / np.sqrt(2), np.ones((64, 128, 3), np.float32)
+    x, z = -2 * RADIUS, np.array([-3.0, 3.0, 3.0, -3.0])
+    corners = FOOT + np.stack([np.full(4, x), np.array([0.0, 0.0, 0.6, 0.6]), z], axis=-1)
+    wall = Mesh(positions=corners, faces=np.array([[0, 1, 2], [0, 2, 3]]), normals=np.zeros((2, 3, 3)))
+    lights = [sky + emitter_map(toward, np.full(3, power)) for power in (lamp, guess)]
+    true, guessed = (GroundShadow(unit_sphere(), FOOT, RADIUS, UP, one, 512, 64, beside=wall) for one in lights)
+    found = guessed.as_seen(true.reached.reshape(-1, 3))
+    at = FOOT + RADIUS * np.array([[-1.0, 0, 0], [0.0, 0, 0.5], [0.5, 0, 0], [1.0, 0, 0]])
+    off = [np.abs(one.at(at) - true.at(at)).max() for one in (found, guessed)]
+    assert off[0] < 0.07 < 0.5 * off[1]
+    before, after, truth = (
+        sky_irradiance(one, toward)[0] / sky_irradiance(one, UP)[0]
+        for one in (lights[1], found.lit_as_seen(lights[1]), lights[0])
+    )
+    assert abs(after - truth) < 0.35 * abs(before - truth)
+    np.testing.assert_allclose(
+        sky_irradiance(found.lit_as_seen(lights[1]), UP), sky_irradiance(lights[1], UP), rtol=0.1
+    )
+
+
 def test_directions_share_the_irradiance(rng):
     """A sum over the sky's samples is the integral: of 1, and of the direction's x."""
     light = rng.gamma(0.5, 1.0, (32, 64, 3)).astype(np.float32)
@@ -150,3 +175,15 @@ def test_a_sharp_shadow_of_a_sphere_is_a_cylinder_behind_it():
         assert min(dark.sum(), beside.sum(), (before & (apart < 1)).sum()) > 50
         assert share[dark].max() == 0.0
         assert share[beside | before].min() == 1.0
+
+
+def test_a_blurred_shadow_is_the_mean_over_where_the_mesh_may_be():
+    """Far from its middle, a large sphere's edge is a straight one: a normal distribution of the distance to it."""
+    up, blur = np.array([0.0, 1.0, 0.0]), 0.02
+    distance = RADIUS * np.linspace(0.8, 1.2, 41)
+    points = FOOT + distance[:, None] * [1.0, 0.0, 0.0] - up
+    share = sharp_shares(unit_sphere(), points, up[None], blur)[0]
+    sigma = blur * 2 * RADIUS
+    expected = [NormalDist().cdf((one - RADIUS) / sigma) for one in distance]
+    np.testing.assert_allclose(share, expected, atol=0.08)
+    assert np.abs(np.diff(share)).max() < 0.3 * np.ptp(share)  # no step

@@ -13,7 +13,7 @@ from anyprobe.core.response import inverse_response
 from anyprobe.estimate.photo import load_photo
 from anyprobe.relight.insert import Arrangement, Stage
 from anyprobe.relight.near_ground import GroundPicture, Points, Surroundings
-from anyprobe.relight.placement import likely_bodies, real_body
+from anyprobe.relight.placement import real_body
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.shapes import sphere
 from anyprobe.scatter.materials import material_named
@@ -102,15 +102,6 @@ def test_a_matte_ball_in_the_real_objects_shade_is_dark(stage, body):
     alone = stage.on(replace(stage.photo, mask=np.zeros_like(stage.photo.mask)))
     dark, lit = (one.draw(light, "matte")[..., :3].sum() for one in (stage, alone))
     assert dark < 0.75 * lit
-
-
-def test_likely_bodies_are_wider_and_narrower_and_as_high(stage, body):
-    likely = likely_bodies(body, stage.view.up)
-    across = [np.ptp(one.positions @ np.cross(stage.view.up, [0.0, 0.0, 1.0])) for one in (body, *likely)]
-    assert np.mean(across[1:]) == pytest.approx(across[0])
-    assert np.std(across[1:]) > 0.1 * across[0]
-    for one in likely:
-        np.testing.assert_allclose(one.positions @ stage.view.up, body.positions @ stage.view.up, atol=1e-9)
 
 
 def test_the_edge_of_the_real_objects_shade_is_soft(stage, body):

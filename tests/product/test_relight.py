@@ -25,6 +25,7 @@ from anyprobe.pictures.images import read_image
 from anyprobe.relight.appearance import least_scale, material_from_photo
 from anyprobe.relight.ground_view import View
 from anyprobe.relight.insert import Arrangement, Stage, cast_shadow
+from anyprobe.relight.placement import shaded
 from anyprobe.relight.shadow import REACH
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.shapes import sphere
@@ -216,6 +217,26 @@ def test_thin_spout_below_is_not_where_the_object_stands():
     mask = np.zeros((HEIGHT, WIDTH), np.float32)
     mask[40:100, 30:130], mask[100:130, 50:52] = 1, 1
     assert contact_of(mask) == (80.0, 100)
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_an_object_stands_where_the_real_one_leaves_it_the_light(side):
+    """On the other side it is in the shadow, up to the light over the real one."""
+    photo = load_photo(sphere_photo((WIDTH // 2, 90), DIAMETER, HEIGHT, WIDTH))
+    toward = np.array([side, 0.5, 0.0]) / np.hypot(1.0, 0.5)
+    placed = Stage(photo, sphere(24), Arrangement(pitch_deg=15, toward_light=toward)).placement
+    assert side * placed.foot[0] > 0
+    shares = [
+        shaded(np.array([[x, 0.0, -0.5]]), np.array([0.3]), np.array([1.0, 1.0]), np.array([0.0, 1.0, 0.0]), toward)
+        for x in (-1.2, 1.2)
+    ]
+    assert (shares[0] - shares[1])[0] * side == pytest.approx(2 / 3)
+
+
+def test_an_object_stands_where_spheres_are_drawn_round_if_it_can(photo):
+    """Also under a wide lens, which makes them long towards the corners."""
+    wide = Stage(replace(photo, long_fov_deg=90.0), sphere(24))
+    assert wide.view.stretch(*wide.view.pixels(wide.placement.mesh.positions).mean(axis=0)) < 1.12
 
 
 @pytest.mark.parametrize(("left", "right"), [(20, 150), (90, 220)])

@@ -30,6 +30,7 @@ from anyprobe.files.paths import is_same_file
 from anyprobe.inputs.description import numbers_in
 from anyprobe.inputs.hints import HINTS
 from anyprobe.light.environment import rotate
+from anyprobe.light.light_sources import find_dominant_light
 from anyprobe.maps.radiance import opaque_linear
 from anyprobe.pictures.headers import MAX_PIXELS
 from anyprobe.pictures.images import read_image, write_png
@@ -153,7 +154,8 @@ def relight(
         loaded = session.mark(session.Shot(source=pixels, name=pixels.name, hints=hints), segmenter)
     with progress("estimating the light", silent):
         radiance, gain, ground, doubts = _radiance(loaded, source_of_light, models)
-    stage = placing(Stage)(loaded, mesh, replace(place, ground=ground))
+    lit_from = find_dominant_light(radiance).direction
+    stage = placing(Stage)(loaded, mesh, replace(place, ground=ground, toward_light=lit_from))
     if kind == ".exr":
         with progress(f"drawing the {insert}", silent):
             passes = passes_of(stage, radiance, material)

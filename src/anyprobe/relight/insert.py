@@ -191,7 +191,8 @@ class Arrangement:
 
     size: its height over the real object's. at: x, y of its foot in the photo [px]; None: beside the real object.
     turn_deg: rotation about its vertical axis. pitch_deg: camera pitch downwards; None: the ground's.
-    ground: the photo's estimated ground (Light.ground); None: guessed.
+    ground: the photo's estimated ground (Light.ground); None: guessed. toward_light: direction of the dominant light in
+    the camera's frame, so that the object is not put into the real one's shadow; None: not known.
     """
 
     size: float = 0.5
@@ -199,6 +200,7 @@ class Arrangement:
     turn_deg: float = 0.0
     pitch_deg: float | None = None
     ground: Ground | None = None
+    toward_light: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         if not 0.02 <= self.size <= 20:
@@ -216,7 +218,14 @@ class Stage:
         self.photo = photo
         self.view, pitch_deg = view_of(photo, arrangement.pitch_deg, arrangement.ground)
         self.placement: Placement = place_beside(
-            mesh, photo, self.view, pitch_deg, arrangement.size, arrangement.at, arrangement.turn_deg
+            mesh,
+            photo,
+            self.view,
+            pitch_deg,
+            arrangement.size,
+            arrangement.at,
+            arrangement.turn_deg,
+            arrangement.toward_light,
         )
         if self.placement.mesh.positions[:, 2].max() >= 0:
             text = "the object reaches behind the camera; make it smaller or place it farther away"
@@ -320,6 +329,7 @@ class Stage:
         camera = replace(self.window.camera, size=min(self.window.camera.size, MOST_DRAWN))
         finer = {} if camera.size == self.window.camera.size else {"supersample": ENLARGED_SUPERSAMPLE}
         cast = self.shadow(radiance, MIRRORED_DIRECTIONS, MIRRORED_GRID) if shadow is None else shadow
+        radiance = cast.lit_as_seen(radiance)
         ground = GroundPicture(self.photo, self.view, radiance)
         drawn = draw_on_ground(Surroundings(ground, self.placement, cast, self._real(), material), camera, **finer)
         if np.any(material.albedo) and (drawn[..., 3] > 0).any():

@@ -34,7 +34,7 @@ from anyprobe.light.filtering import irradiance_map
 from anyprobe.light.octahedral import Pyramid, lookup_rgb
 from anyprobe.paper.equations import ggx_distribution, schlick_weight
 from anyprobe.relight.ground_view import View
-from anyprobe.relight.placement import Placement, likely_bodies
+from anyprobe.relight.placement import Placement
 from anyprobe.relight.shadow import GroundShadow
 from anyprobe.render.integrate import PATCHES, emitters_specular, lobe_lod, lobe_samples, shading_pyramid
 from anyprobe.render.mesh import Mesh
@@ -79,7 +79,7 @@ class GroundPicture:
         weight = (weight * self.free[row, column])[:, None]
         shown = photo.linear((row, column))
         toward = points / np.maximum(np.linalg.norm(points, axis=-1, keepdims=True), 1e-9)
-        around = bilinear(self.radiance, direction_to_uv(toward.astype(np.float32)))
+        around = np.minimum(bilinear(self.radiance, direction_to_uv(toward.astype(np.float32))), 1.0)  # no lamp
         return weight * shown * shadow.at(points) + (1 - weight) * around * shadow.at(points, with_beside=True)
 
 
@@ -132,6 +132,8 @@ OFF_SURFACE, OFF_SHARP = 1.5, 0.375
 which are four times as fine."""
 STRONG = 1 / 16
 """Smallest share of all light of a direction whose shadows are sharp."""
+LIKELY = 0.1
+"""Standard deviation of the real object's outline, in its size; bodies of 17 training assets are farther off."""
 LEAST_SINE = 1e-3
 """Smallest angle [rad] below the horizon of a direction that meets the ground."""
 
@@ -186,7 +188,7 @@ class Surroundings:
         """Keep all of them; beside: the real object, in the photo's frame. material: the object's."""
         self.ground, self.spot, self.shadow, self.material = ground, spot, shadow, material
         self.open_share = np.ones(3)  # of the light, which no body hides from the object
-        self.likely = [] if beside is None else likely_bodies(beside, ground.view.up)
+        self.beside = beside
         self.lit = with_ground(ground, spot, shadow)
         self.light = reduced(np.asarray(self.lit, np.float32), LIGHT_ROWS)
         volume = np.linalg.det(spot.mesh.positions[spot.mesh.faces] - spot.foot).sum()
@@ -225,10 +227,9 @@ class Surroundings:
         """
         sharp = luminance(power) > STRONG * luminance(integral(self.light))
         share = np.ones((len(points.at), len(directions)), np.float32)
-        for meshes, body in (([self.spot.mesh], self.own), (self.likely, self.real)):
-            if body is not None:
-                each = [sharp_shares(mesh, self.off(points, OFF_SHARP), directions[sharp]) for mesh in meshes]
-                share[:, sharp] *= np.mean(each, axis=0).T
+        for mesh, body, blur in ((self.spot.mesh, self.own, 0.0), (self.beside, self.real, LIKELY)):
+            if mesh is not None and body is not None:
+                share[:, sharp] *= sharp_shares(mesh, self.off(points, OFF_SHARP), directions[sharp], blur).T
                 share[:, ~sharp] *= open_shares(body, self.off(points), directions[~sharp]).T
         return share
 
@@ -241,7 +242,7 @@ class Surroundings:
         rays, starts = d.reshape(-1, 3), np.repeat(self.off(points), NEAR_RAYS, axis=0)
         below, seen = self._ground_along(starts, rays)
         difference = np.zeros(rays.shape)
-        difference[below] = seen - bilinear(self.lit, direction_to_uv(rays[below]))
+        difference[below] = seen - np.minimum(bilinear(self.lit, direction_to_uv(rays[below])), 1.0)
         met, sent = self._bodies_along(starts, rays, shading_pyramid(self.light, self.material.alpha))
         of_ground, of_bodies, share = (of.reshape(*d.shape[:2], -1).mean(axis=1) for of in (difference, sent, met))
         return of_ground, of_bodies, share

@@ -1,9 +1,10 @@
 """Placement of a virtual object on the real one's ground: of many places and sizes, the one of the greatest score.
 
-    score = size x likelihood of the surface x exp(-gap / size of the real object)
+    score = size x likelihood of the surface x exp(-gap / size of the real object) x look
 
 The likelihood is that of the colours from the real object's foot to the virtual one's, over the greatest, under one
-Gaussian of ln radiance below the former. Places behind the real object, or that cover part of it, have none, as they
+Gaussian of ln radiance below the former. The look is half in the real object's shadow, and less where spheres would be
+long. Places behind the real object, or that cover part of it, have none, as they
 seldom seem to be on its ground. Where the virtual object would seem to float or be far off, it is refused.
 
 The real object's form is guessed from its mask: an upright body of elliptic sections, whose back is as its front.
@@ -13,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from anyprobe.core.camera import MOST_STRETCH
 from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
 from anyprobe.core.resample import resample
 from anyprobe.core.response import inverse_response
@@ -46,6 +48,8 @@ FLAT = 0.6
 
 LEAST_HEIGHT = 1e-3
 """Smallest height of a virtual object, in its widths: sizes are given by height."""
+LEAST_SINE = 1e-3
+"""Smallest sine of a light above the ground."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -74,13 +78,14 @@ def place_beside(
     size: float = 0.5,
     at: tuple[float, float] | None = None,
     turn_deg: float = 0.0,
+    toward_light: np.ndarray | None = None,
 ) -> Placement:
     """Stand a mesh (+Y up) on the ground of a photo.
 
     Args:
         size: its height over that of the real object, which stands on its mask's lower border.
         at: x, y of its foot [px], where it keeps its full size; by default it stands where its score is greatest.
-        turn_deg: about its vertical axis.
+        turn_deg: about its vertical axis. toward_light: unit direction of the dominant light, if known.
     Raises:
         InputError: no ground is visible at that pixel, every place has less than LEAST, or the mesh is flat.
     """
@@ -97,8 +102,8 @@ def place_beside(
             text = f"{at[0]:g},{at[1]:g} is above the horizon; point lower, or pitch the camera down"
             raise InputError(text, subject="at")
         return _standing(unit, upright, foot, height, pitch_deg)
-    spots = Spots(photo, view, _outermost(unit.positions @ upright.T * height), size)
-    best = int(np.argmax(np.where(spots.certain < LEAST, 0.0, spots.certain * spots.share)))
+    spots = Spots(photo, view, _outermost(unit.positions @ upright.T * height), size, toward_light)
+    best = int(np.argmax(np.where(spots.certain < LEAST, 0.0, spots.certain * spots.share * spots.look)))
     if spots.certain[best] < LEAST:
         found = "no room for it" if spots.near.max() < LEAST else "another surface there"
         text = f"expected the surface under the object to go on beside it, got {found}; point to where it shall stand"
@@ -146,9 +151,11 @@ class RealSurface:
 
 
 class Spots:
-    """Places of an object: foot [N, 3], share, near and certain, the score but for size, [N]."""
+    """Places of an object: foot [N, 3], share, near, certain (the score but for size and look) and look, [N]."""
 
-    def __init__(self, photo: Photo, view: View, points: np.ndarray, size: float) -> None:
+    def __init__(
+        self, photo: Photo, view: View, points: np.ndarray, size: float, toward_light: np.ndarray | None = None
+    ) -> None:
         """Score them all; points: [P, 3] of the whole object from its foot. size: its height, in the real one's."""
         edge, sides = _MARGIN * view.width, np.array([view.width, view.height])
         x, lowest = contact_of(photo.mask)
@@ -181,6 +188,28 @@ class Spots:
         along = np.linalg.norm(view.on_ground(0 * rows + x, rows) - contact, axis=-1)
         self.near = free * np.exp(-np.hypot(across, along * view.focal / -contact[2]) / real)
         self.certain = likelihood * self.near
+        long = np.linalg.norm(view.rays(*(low + high).T / 2), axis=-1)
+        self.look = np.minimum((MOST_STRETCH - 1.0) / np.maximum(long - 1.0, 1e-6), 1.0)
+        if toward_light is not None:
+            half = self.share * np.ptp(points @ view.up) / 2
+            real_size = np.array([right - left, bottom - top]) / view.focal * -contact[2]
+            self.look *= 1.0 - shaded(self.foot - contact, half, real_size, view.up, toward_light) / 2
+
+
+def shaded(
+    foot: np.ndarray, half: np.ndarray, real_size: np.ndarray, up: np.ndarray, toward_light: np.ndarray
+) -> np.ndarray:
+    """Return how much of balls of radii half [N] that stand on foot [N, 3] is in the shadow of an upright cylinder of
+    width and height real_size, which touches the ground at the origin."""
+    sine = max(float(toward_light @ up), LEAST_SINE)
+    along = toward_light - (toward_light @ up) * up
+    away = np.array([0.0, 0.0, -1.0]) + up[2] * up
+    axis = away / max(float(np.linalg.norm(away)), LEAST_SINE) * real_size[0] / 2 - foot
+    reach = axis @ along / max(float(along @ along), LEAST_SINE)  # of the light's way, to where it is nearest
+    across = np.linalg.norm(axis - reach[:, None] * along - (axis @ up)[:, None] * up, axis=-1)
+    height = half + reach * sine
+    parts = [(of + half - off) / (2 * half) for of, off in zip(real_size / [2, 1], (across, height), strict=True)]
+    return np.where(reach > 0, np.prod(np.clip(parts, 0.0, 1.0), axis=0), 0.0)
 
 
 def _outermost(points: np.ndarray) -> np.ndarray:
@@ -232,9 +261,6 @@ The shadow of a rendered pebble in low sun is met with an intersection over unio
 .35, .6, .8 and 1.
 """
 
-LIKELY = 0.2
-"""Share by which the real object is as likely narrower or wider; bodies of 17 training assets are farther off."""
-
 
 def real_body(photo: Photo, view: View, spot: Placement) -> Mesh | None:
     """Return the real object's body on and above the ground, without normals.
@@ -282,13 +308,6 @@ def real_body(photo: Photo, view: View, spot: Placement) -> Mesh | None:
     below = np.minimum((positions - spot.foot) @ view.up, 0.0)
     positions = positions - below[:, None] * view.up
     return Mesh(positions=positions, faces=faces, normals=np.zeros((len(faces), 3, 3), np.float32))
-
-
-def likely_bodies(body: Mesh, up: np.ndarray) -> list[Mesh]:
-    """Return a real object's body and ones LIKELY narrower and wider: their mean shadow is the one to expect."""
-    middle = body.positions.mean(axis=0)
-    level = (body.positions - middle) @ (np.eye(len(up)) - np.outer(up, up))
-    return [body, *(replace(body, positions=body.positions + more * level) for more in (-LIKELY, LIKELY))]
 
 
 def _flattened(

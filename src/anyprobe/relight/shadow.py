@@ -7,7 +7,8 @@ visibility past the mesh, B past what stands beside it: light that the photo's o
 be lost once more. The integrals are sums over directions with density L cos (luminance). Light is distant: the points
 of the ground that a mesh occludes from wi are its projection along wi, rasterised, so one drawing per direction serves
 every p. In place of what it keeps off, the mesh sends light of its own (`with_light`); where the real object's shadow
-is seen, its depth and colour count (`as_seen`). relight.insert.Stage.shadow draws it.
+is seen, its depth says which share of the light is the dominant one's, and its colour counts (`as_seen`).
+relight.insert.Stage.shadow draws it.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from anyprobe.core.resample import between, resample
 from anyprobe.core.sampling import hammersley, square_to_cosine_hemisphere
 from anyprobe.light.environment import reduced
 from anyprobe.light.filtering import irradiance_map
+from anyprobe.light.light_sources import edge_cosine, find_dominant_light, split_dominant_light
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.surface import cover
 from anyprobe.render.voxels import open_shares, voxelize
@@ -45,13 +47,13 @@ irradiance."""
 LEAST_LIT = 0.02
 """Smallest share of the light that must reach the ground past what stands beside the object: none of less is lost."""
 
-SHADED, LIT, LEAST_SEEN = 0.4, 0.1, 0.005
-"""Shares of the light lost beyond which ground is in the shadow of what stands beside, and below which it is not; and
-the share of the cells of either that must be seen."""
+SHADED, LIT, LEAST_SEEN = 0.5, 0.9, 0.005
+"""Shares left of the dominant light below which ground is in the shadow of what stands beside, and of all light above
+which it is not; and the share of the cells of either that must be seen."""
 DEEP = 0.25
 """Quantile of the shaded cells that counts: some of them are beside the shadow that is seen."""
-DEPTHS = 0.5, 1.5
-"""Bounds of how deep a shadow is seen to be, over how deep it should be."""
+MOST_DEEP, MOST_DOMINANT = 1.5, 0.95
+"""Bounds of the dominant light's share that a shadow shows: over what it should be, and as such."""
 
 
 def sample_sky(radiance: np.ndarray, up: np.ndarray, count: int = NUM_DIRECTIONS) -> tuple[np.ndarray, np.ndarray]:
@@ -110,27 +112,42 @@ class GroundShadow:
         self.side, self.across = orthonormal_basis(up)
         self.reach = REACH * radius
         self.grid = grid
-        self.ratio = self._draw(mesh, beside, radiance, count)  # [G, G, 3]
+        self._draw(mesh, beside, radiance, count)
+        self._shine((1.0, 1.0), np.ones(3))
 
-    def _draw(self, mesh: Mesh, beside: Mesh | None, radiance: np.ndarray, count: int) -> np.ndarray:
+    def _draw(self, mesh: Mesh, beside: Mesh | None, radiance: np.ndarray, count: int) -> None:
+        """Keep the shares of the light that reach the ground past what stands beside, and what the mesh keeps off of
+        them, [2, G, G, 3]: of the dominant light last."""
         bodies = [body for body in (mesh, beside) if body is not None]
         relative = [body.positions - self.foot for body in bodies]
         height = [points @ self.up for points in relative]
-        remaining, reached = np.ones((2, self.grid * self.grid, 3))
         directions, weights = sample_sky(radiance, self.up, count)
+        source = find_dominant_light(radiance)
+        is_dominant = directions @ source.direction > edge_cosine(source)
+        dominant = weights[is_dominant].sum(axis=0)
+        lost, past = np.zeros((2, 2, self.grid * self.grid, 3))
+        past += np.stack([1.0 - dominant, dominant])[:, None]
         golden = np.arange(len(directions)) * (5**0.5 - 1) / 2
         within_cell = np.stack([golden % 1, hammersley(len(directions))[:, 1]], axis=-1) - 0.5  # else edges are stairs
-        for direction, weight, shift in zip(directions, weights, within_cell, strict=True):
+        for direction, weight, shift, kind in zip(directions, weights, within_cell, is_dominant * 1, strict=True):
             own, *others = (
                 self._covered(points - (high / (direction @ self.up))[:, None] * direction, body.faces, shift)
                 for points, high, body in zip(relative, height, bodies, strict=True)
             )
             kept = others[0] if others else np.zeros_like(own)
-            reached[kept] -= weight
-            remaining[own | kept] -= weight
-        unshadowed = np.where(reached < LEAST_LIT, 1.0, remaining / np.maximum(reached, LEAST_LIT))
-        self.reached = reached.reshape(self.grid, self.grid, 3)
-        return 1.0 - (1.0 - np.clip(unshadowed.reshape(self.reached.shape), 0.0, 1.0)) * self._inward()
+            past[kind, kept] -= weight
+            lost[kind, own & ~kept] += weight
+        self.dominant = dominant
+        self._past, self._lost = (one.reshape(2, self.grid, self.grid, 3) for one in (past, lost))
+
+    def _shine(self, scale: tuple[float, float], color: np.ndarray) -> None:
+        """Make ratio and what reaches the ground past what stands beside, [G, G, 3], of scale times all other light and
+        the dominant one; color [3]: of what the latter's shadow loses."""
+        self.scale = scale
+        self.reached = scale[0] * self._past[0] + scale[1] * self._past[1]
+        lost = scale[0] * self._lost[0] + scale[1] * color * self._lost[1]
+        share = np.where(self.reached < LEAST_LIT, 0.0, lost / np.maximum(self.reached, LEAST_LIT))
+        self.ratio = 1.0 - np.clip(share, 0.0, 1.0) * self._inward()
 
     def _inward(self) -> np.ndarray:
         """Return weights [G, G, 1] that fade at the edge."""
@@ -143,22 +160,32 @@ class GroundShadow:
         return (self.foot + x[None, :, None] * self.side + x[:, None, None] * self.across).reshape(-1, 3)
 
     def as_seen(self, seen: np.ndarray) -> GroundShadow:
-        """Return the shadow with the depth and colour that the shadow of what stands beside is seen to have.
+        """Return the shadow in a light of which the dominant one has the share that the shadow of what stands beside
+        shows by its depth, and in its colour.
 
         seen: radiance of the ground at points(grid), [G * G, 3], NaN where it is not seen.
         """
-        lost, known = 1.0 - luminance(self.reached).ravel(), np.isfinite(seen).all(axis=-1)
-        shaded, lit = known & (lost > SHADED), known & (lost < LIT)
-        if min(shaded.sum(), lit.sum()) < LEAST_SEEN * len(lost):
+        shares = np.maximum([1.0 - self.dominant, self.dominant], 1e-3)
+        past = self._past.reshape(2, -1, 3) / shares[:, None]
+        known = np.isfinite(seen).all(axis=-1)
+        shaded, lit = known & (luminance(past[1]) < SHADED), known & (luminance(self.reached).ravel() > LIT)
+        if min(shaded.sum(), lit.sum()) < LEAST_SEEN * len(seen):
             return self
-        left, expected = (
-            np.quantile(of[shaded], DEEP, axis=0) / np.maximum(np.median(of[lit], axis=0), 1e-3)
-            for of in (seen, self.reached.reshape(-1, 3))
-        )
+        left = np.quantile(seen[shaded], DEEP, axis=0) / np.maximum(np.median(seen[lit], axis=0), 1e-3)
+        lost = 1.0 - np.median(past[:, shaded], axis=1)  # of all other light there, and of the dominant one
+        found = (1.0 - left - lost[0]) / np.maximum(lost[1] - lost[0], LEAST_LIT)
+        found = np.clip(found, 0.0, np.minimum(MOST_DEEP * self.dominant, MOST_DOMINANT))
+        before, now = (max(float(luminance(one)), 1e-3) for one in (self.dominant, found))
         other = copy(self)
-        depth = np.clip((1.0 - left) / np.maximum(1.0 - expected, 1e-3), *DEPTHS)
-        other.ratio = np.maximum(1.0 - depth * (1.0 - self.ratio), 0.0)
+        other._shine(((1.0 - now) / max(1.0 - before, 1e-3), now / before), found / now * before / shares[1])
         return other
+
+    def lit_as_seen(self, radiance: np.ndarray) -> np.ndarray:
+        """Return a map [H, 2H, 3] in which the dominant light has the share that `as_seen` found."""
+        if self.scale == (1.0, 1.0):
+            return radiance
+        _, rest = split_dominant_light(radiance)
+        return self.scale[0] * rest + self.scale[1] * (radiance - rest)
 
     def with_light(self, sent: np.ndarray) -> GroundShadow:
         """Return the shadow on a ground that the mesh lights, too, by radiance `sent` [3] from sides that are not in

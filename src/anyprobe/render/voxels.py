@@ -15,13 +15,14 @@ import numpy as np
 
 from anyprobe.core import Float, Int
 from anyprobe.core.frames import orthonormal_basis
+from anyprobe.core.sampling import hammersley
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.surface import cover
 
 SIDE = 64
 """Cells along each side of the box."""
-MAP_SIDE = 256
-"""Pixels of a shadow map along the mesh's longest extent."""
+MAP_SIDE, BLURRED = 256, 64
+"""Pixels of a shadow map along the mesh's longest extent, and places that a blurred one is the mean of."""
 
 FINENESS = 1.5
 """Points for a cell along a triangle's longest edge."""
@@ -148,13 +149,19 @@ def passed(
 
 
 def sharp_shares(
-    mesh: Mesh, points: Float[np.ndarray, "P 3"], directions: Float[np.ndarray, "D 3"]
+    mesh: Mesh, points: Float[np.ndarray, "P 3"], directions: Float[np.ndarray, "D 3"], blur: float = 0.0
 ) -> Float[np.ndarray, "D P"]:
     """Return how much of distant light from each direction reaches each point, 0 to 1, past the triangles of a mesh.
 
     Points of its own surface should be a pixel or two off it.
+
+    Args:
+        blur: standard deviation of where the mesh may be, in its longest extent: the mean over all is returned.
     """
     result = np.empty((len(directions), len(points)), np.float32)
+    u = hammersley(BLURRED if blur > 0 else 1)
+    radius, angle = blur * MAP_SIDE * np.sqrt(-2.0 * np.log(1.0 - u[:, :1])), 2 * np.pi * u[:, 1:]
+    offsets = radius * np.concatenate([np.cos(angle), np.sin(angle)], axis=1)
     for share, direction in zip(result, directions, strict=True):
         axes = np.stack([*orthonormal_basis(direction), direction], axis=-1)
         corners, at = mesh.positions @ axes, points @ axes
@@ -163,5 +170,6 @@ def sharp_shares(
         face, weights, covered = cover(corners[mesh.faces, :2], MAP_SIDE + 2)
         nearest = np.full((MAP_SIDE + 2) ** 2, -np.inf)
         np.maximum.at(nearest, covered, (weights * corners[mesh.faces[face], 2]).sum(axis=1))
-        share[:] = passed(nearest.reshape(MAP_SIDE + 2, MAP_SIDE + 2), at[:, 1::-1] - 0.5, at[:, 2])
+        nearest, place = nearest.reshape(MAP_SIDE + 2, MAP_SIDE + 2), at[:, 1::-1] - 0.5
+        share[:] = np.mean([passed(nearest, place + offset, at[:, 2]) for offset in offsets], axis=0)
     return result
