@@ -109,7 +109,7 @@ def test_light_that_does_not_reach_the_ground_is_not_lost_again():
     assert np.isfinite(behind_wall).all()
 
 
-@pytest.mark.parametrize(("lamp", "guess"), [(100.0, 600.0), (400.0, 250.0)])
+@pytest.mark.parametrize(("lamp", "guess"), [(100.0, 600.0), (400.0, 200.0)])
 def test_a_shadow_that_is_seen_tells_the_dominant_lights_share(lamp, guess):
     """Of a lamp that was taken for a stronger or weaker one, by the shadow of a wall."""
     toward, sky = np.array([1.0, 1, 0]) / np.sqrt(2), np.ones((64, 128, 3), np.float32)
@@ -121,7 +121,7 @@ def test_a_shadow_that_is_seen_tells_the_dominant_lights_share(lamp, guess):
     found = guessed.as_seen(true.reached.reshape(-1, 3))
     at = FOOT + RADIUS * np.array([[-1.0, 0, 0], [0.0, 0, 0.5], [0.5, 0, 0], [1.0, 0, 0]])
     off = [np.abs(one.at(at) - true.at(at)).max() for one in (found, guessed)]
-    assert off[0] < 0.07 < 0.5 * off[1]
+    assert off[0] < 0.3 * off[1]
     before, after, truth = (
         sky_irradiance(one, toward)[0] / sky_irradiance(one, UP)[0]
         for one in (lights[1], found.lit_as_seen(lights[1]), lights[0])
