@@ -20,6 +20,7 @@ from anyprobe.estimate.result import Light
 from anyprobe.estimate.sidecar import FRAME, SCALE
 from anyprobe.estimate.surroundings import GivenPanorama
 from anyprobe.light.environment import rotate
+from anyprobe.light.light_sources import find_dominant_light
 from anyprobe.light.temporal import step
 from anyprobe.maps.radiance import write_exr
 from anyprobe.notices import Notice
@@ -136,7 +137,7 @@ class ClipRun:
             if frame.index < done.next_index:
                 if frame.index == done.stage_index and self.virtual is not None:
                     self.follower.go_on(done.stage_last)
-                    self._stage = _set_up(self.follower.photo(frame), self.virtual, done.ground)
+                    self._stage = _set_up(self.follower.photo(frame), self.virtual, done)
                 continue
             if frame.index == done.next_index and done.next_index:
                 self._shown, self._preview = None, None
@@ -219,7 +220,8 @@ class ClipRun:
             done.gain = 1.0 if self.material is not None else least_scale(self._photo, steady)
         if self.virtual is not None and self._stage is None:
             done.ground = None if light.ground is None else light.ground.info()
-            self._stage = _set_up(self._photo, self.virtual, done.ground)
+            done.toward_light = find_dominant_light(steady).direction.tolist()
+            self._stage = _set_up(self._photo, self.virtual, done)
             done.stage_index, done.stage_last = frame.index, before
             material = self._stage.material(self.virtual.material, steady * np.float32(done.gain))
             done.material = {key: np.asarray(value).tolist() for key, value in asdict(material).items()}
@@ -313,6 +315,7 @@ class ClipRun:
         return [self._piece(number, kind) for number in range(self.progress.pieces)]
 
 
-def _set_up(photo: Photo, virtual: VirtualObject, ground: dict | None) -> Stage:
-    """Return the place of the virtual object in all frames, from the first with a mask and the ground of its light."""
-    return Stage(photo, virtual.mesh, replace(virtual.arrangement, ground=Ground.of(ground)))
+def _set_up(photo: Photo, virtual: VirtualObject, done: Progress) -> Stage:
+    """Return the place of the virtual object in all frames, from the first with a mask and its light's ground."""
+    toward = None if done.toward_light is None else np.array(done.toward_light)
+    return Stage(photo, virtual.mesh, replace(virtual.arrangement, ground=Ground.of(done.ground), toward_light=toward))
