@@ -213,19 +213,12 @@ class Stage:
     """A photo with a place on its ground; renders many materials and lights of one object."""
 
     def __init__(self, photo: Photo, mesh: Mesh, arrangement: Arrangement | None = None) -> None:
-        arrangement = arrangement or Arrangement()
-        check_foot(arrangement.at, *photo.mask.shape)
+        given = arrangement or Arrangement()
+        check_foot(given.at, *photo.mask.shape)
         self.photo = photo
-        self.view, pitch_deg = view_of(photo, arrangement.pitch_deg, arrangement.ground)
+        self.view, pitch_deg = view_of(photo, given.pitch_deg, given.ground)
         self.placement: Placement = place_beside(
-            mesh,
-            photo,
-            self.view,
-            pitch_deg,
-            arrangement.size,
-            arrangement.at,
-            arrangement.turn_deg,
-            arrangement.toward_light,
+            mesh, photo, self.view, pitch_deg, given.size, given.at, given.turn_deg, given.toward_light
         )
         if self.placement.mesh.positions[:, 2].max() >= 0:
             text = "the object reaches behind the camera; make it smaller or place it farther away"
