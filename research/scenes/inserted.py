@@ -98,7 +98,8 @@ def _row(layout: Layout, path: Path, estimator: Estimator) -> dict[str, Any] | N
     try:
         photo = load_photo(taken.picture, mask=taken.true_mask, fov_deg=layout.phone.long_fov_deg)
         light = estimator.from_photo(photo)
-        place = Arrangement(size=SIZE, ground=light.ground, toward_light=light.dominant_light().direction)
+        first = light.dominant_light()
+        place = Arrangement(size=SIZE, ground=light.ground, toward_light=first.direction, likely=first.exists)
         stage = Stage(photo, open_object("sphere"), place)
     except AnyprobeError:
         return None
@@ -146,7 +147,7 @@ def _row(layout: Layout, path: Path, estimator: Estimator) -> dict[str, Any] | N
 def seen_by(stage: Stage, view: View, placed: Placement) -> Stage:
     """Return the stage seen by another camera, with the object placed as given."""
     other = copy(stage)
-    other.view, other.placement = view, placed
+    other.view, other.placement, other.likely = view, placed, 1.0
     other.window = window_of(placed, view)
     return other
 

@@ -17,6 +17,7 @@ from anyprobe.light.light_sources import (
     draw_sources,
     find_dominant_light,
     find_sources,
+    softened_light,
     split_dominant_light,
     split_sources,
 )
@@ -281,3 +282,17 @@ def test_a_lamp_in_its_halo_does_not_stay_as_bright():
     shown = soft + draw_sources(64, found)
     assert luminance(integral(shown)) == pytest.approx(luminance(integral(radiance)), rel=1e-4)
     assert shown.max() == pytest.approx(radiance.max(), rel=0.3)
+
+
+def test_a_softened_light_keeps_all_power_and_faces_the_same_way():
+    """What the dominant light loses comes from around it, in its colour."""
+    direction = np.array([0.6, 0.64, 0.48])
+    radiance = 0.1 + draw_sources(
+        64, [LightSource(direction=direction, radius_deg=4.0, power=np.array([3.0, 2.0, 1.0]))]
+    )
+    soft = softened_light(radiance, 0.25)
+    np.testing.assert_allclose(integral(soft), integral(radiance), rtol=1e-3)
+    first = find_dominant_light(soft)
+    assert first.direction @ direction > np.cos(np.radians(3.0))
+    np.testing.assert_allclose(first.power, [0.75, 0.5, 0.25], rtol=0.15)
+    np.testing.assert_allclose(softened_light(radiance, 1.0), radiance, rtol=1e-6)

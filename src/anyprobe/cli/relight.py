@@ -153,9 +153,8 @@ def relight(
         check_foot(contact, *pixels.rgb.shape[:2])
         loaded = session.mark(session.Shot(source=pixels, name=pixels.name, hints=hints), segmenter)
     with progress("estimating the light", silent):
-        radiance, gain, ground, doubts = _radiance(loaded, source_of_light, models)
-    lit_from = find_dominant_light(radiance).direction
-    stage = placing(Stage)(loaded, mesh, replace(place, ground=ground, toward_light=lit_from))
+        radiance, gain, place, doubts = _lit(place, loaded, source_of_light, models)
+    stage, ground = placing(Stage)(loaded, mesh, place), place.ground
     if kind == ".exr":
         with progress(f"drawing the {insert}", silent):
             passes = passes_of(stage, radiance, material)
@@ -210,10 +209,14 @@ def progress(text: str, silent: bool) -> Iterator[None]:
         timer.cancel()
 
 
-def _radiance(
-    photo: Photo, source: Estimator | tuple[np.ndarray, dict[str, Any], np.ndarray], models: options.ModelOptions
-) -> tuple[np.ndarray, float, Ground | None, tuple[str, ...]]:
-    """Return radiance, gain, ground and warnings of the given map, as read_with_origin reads it, or of an estimate.
+def _lit(
+    place: Arrangement,
+    photo: Photo,
+    source: Estimator | tuple[np.ndarray, dict[str, Any], np.ndarray],
+    models: options.ModelOptions,
+) -> tuple[np.ndarray, float, Arrangement, tuple[str, ...]]:
+    """Return radiance, gain, place with its ground and light, and warnings of the given map, as read_with_origin reads
+    it, or of an estimate.
 
     A given map is turned back to the camera's frame; its ground is the one stored with it, or else estimated from the
     photo. An estimate is scaled to the brightness that the object needs.
@@ -224,8 +227,10 @@ def _radiance(
             radiance = np.maximum(rotate(radiance, turn.T), 0.0)
         is_same_photo = origin.get("photo") == photo.name and "ground" in origin and photo.pitch_deg is None
         ground = Ground.of(origin["ground"]) if is_same_photo else session.estimate(models.estimator(), [photo]).ground
-        return radiance, 1.0, ground, photo.warnings
+        toward = find_dominant_light(radiance).direction
+        return radiance, 1.0, replace(place, ground=ground, toward_light=toward), photo.warnings
     light = session.estimate(source, [photo])
     gain = 1.0 if photo.material is not None else least_scale(photo, light.radiance)  # a material settles the level
-    mirrored = light.panorama(PANORAMA_ROWS, frame="camera", lit=True).radiance
-    return mirrored * np.float32(gain), gain, light.ground, light.warnings
+    mirrored, first = light.panorama(PANORAMA_ROWS, frame="camera", lit=True).radiance, light.dominant_light()
+    place = replace(place, ground=light.ground, toward_light=first.direction, likely=first.exists)
+    return mirrored * np.float32(gain), gain, place, light.warnings

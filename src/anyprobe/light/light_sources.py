@@ -114,6 +114,16 @@ def split_dominant_light(
     return (found or (NO_SOURCE,))[0], rest
 
 
+def softened_light(radiance: Float[np.ndarray, "H 2*H 3"], kept: float) -> Float[np.ndarray, "H 2*H 3"]:
+    """Return a map whose dominant light keeps a share of its power; the rest comes from around it, by exp of the
+    cosine."""
+    source, rest = split_dominant_light(radiance)
+    around = np.exp(pixel_directions(len(radiance)) @ source.direction)
+    around /= (around * pixel_solid_angles(len(radiance))).sum()
+    spread = rest + source.power * around[..., None]
+    return (kept * radiance + (1.0 - kept) * spread).astype(np.float32)
+
+
 def _taken(
     radiance: np.ndarray, lobes: Iterable[tuple[LightSource, np.ndarray, np.ndarray]]
 ) -> tuple[tuple[LightSource, ...], np.ndarray]:

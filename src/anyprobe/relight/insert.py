@@ -17,6 +17,7 @@ from anyprobe.errors import InputError
 from anyprobe.estimate.ground import Ground
 from anyprobe.estimate.normals_hint import Part
 from anyprobe.estimate.photo import Photo
+from anyprobe.light.light_sources import softened_light
 from anyprobe.notices import Notice, give
 from anyprobe.relight.appearance import material_from_photo
 from anyprobe.relight.camera_look import DRAWN_BLUR, CameraLook, blurred, grain_over, look_of
@@ -192,7 +193,8 @@ class Arrangement:
     size: its height over the real object's. at: x, y of its foot in the photo [px]; None: beside the real object.
     turn_deg: rotation about its vertical axis. pitch_deg: camera pitch downwards; None: the ground's.
     ground: the photo's estimated ground (Light.ground); None: guessed. toward_light: direction of the dominant light in
-    the camera's frame, so that the object is not put into the real one's shadow; None: not known.
+    the camera's frame, so that the object is not put into the real one's shadow; None: not known. likely: probability
+    that it shines from there, where no shadow shows how strong it is.
     """
 
     size: float = 0.5
@@ -201,6 +203,7 @@ class Arrangement:
     pitch_deg: float | None = None
     ground: Ground | None = None
     toward_light: np.ndarray | None = None
+    likely: float = 1.0
 
     def __post_init__(self) -> None:
         if not 0.02 <= self.size <= 20:
@@ -215,7 +218,7 @@ class Stage:
     def __init__(self, photo: Photo, mesh: Mesh, arrangement: Arrangement | None = None) -> None:
         given = arrangement or Arrangement()
         check_foot(given.at, *photo.mask.shape)
-        self.photo = photo
+        self.photo, self.likely = photo, given.likely
         self.view, pitch_deg = view_of(photo, given.pitch_deg, given.ground)
         self.placement: Placement = place_beside(
             mesh, photo, self.view, pitch_deg, given.size, given.at, given.turn_deg, given.toward_light
@@ -266,9 +269,11 @@ class Stage:
         as deep as the real one's where the photo shows that."""
         spot, beside = self.placement, self._real()
         shadow = GroundShadow(spot.mesh, spot.foot, spot.radius, self.view.up, radiance, count, grid, beside=beside)
-        if not self.shows_ground:
-            return shadow
-        return shadow.as_seen(seen_ground(self.photo, self.view, shadow.points(shadow.grid)))
+        if self.shows_ground:
+            seen = shadow.as_seen(seen_ground(self.photo, self.view, shadow.points(shadow.grid)))
+            if seen is not shadow:
+                return seen
+        return shadow.softened(self.likely)
 
     def _real(self) -> Mesh | None:
         return real_body(self.photo, self.view, self.placement)
@@ -322,7 +327,8 @@ class Stage:
         camera = replace(self.window.camera, size=min(self.window.camera.size, MOST_DRAWN))
         finer = {} if camera.size == self.window.camera.size else {"supersample": ENLARGED_SUPERSAMPLE}
         cast = self.shadow(radiance, MIRRORED_DIRECTIONS, MIRRORED_GRID) if shadow is None else shadow
-        radiance = cast.lit_as_seen(radiance)
+        if np.any(material.albedo):
+            radiance = softened_light(radiance, cast.kept)
         ground = GroundPicture(self.photo, self.view, radiance)
         drawn = draw_on_ground(Surroundings(ground, self.placement, cast, self._real(), material), camera, **finer)
         if np.any(material.albedo) and (drawn[..., 3] > 0).any():

@@ -25,7 +25,7 @@ from anyprobe.core.resample import between, resample
 from anyprobe.core.sampling import hammersley, square_to_cosine_hemisphere
 from anyprobe.light.environment import reduced
 from anyprobe.light.filtering import irradiance_map
-from anyprobe.light.light_sources import edge_cosine, find_dominant_light, split_dominant_light
+from anyprobe.light.light_sources import edge_cosine, find_dominant_light
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.surface import cover
 from anyprobe.render.voxels import open_shares, voxelize
@@ -143,7 +143,7 @@ class GroundShadow:
     def _shine(self, scale: tuple[float, float], color: np.ndarray) -> None:
         """Make ratio and what reaches the ground past what stands beside, [G, G, 3], of scale times all other light and
         the dominant one; color [3]: of what the latter's shadow loses."""
-        self.scale = scale
+        self.kept = min(scale[1], 1.0)
         self.reached = scale[0] * self._past[0] + scale[1] * self._past[1]
         lost = scale[0] * self._lost[0] + scale[1] * color * self._lost[1]
         share = np.where(self.reached < LEAST_LIT, 0.0, lost / np.maximum(self.reached, LEAST_LIT))
@@ -180,12 +180,12 @@ class GroundShadow:
         other._shine(((1.0 - now) / max(1.0 - before, 1e-3), now / before), found / now * before / shares[1])
         return other
 
-    def lit_as_seen(self, radiance: np.ndarray) -> np.ndarray:
-        """Return a map [H, 2H, 3] in which the dominant light has the share that `as_seen` found."""
-        if self.scale == (1.0, 1.0):
-            return radiance
-        _, rest = split_dominant_light(radiance)
-        return self.scale[0] * rest + self.scale[1] * (radiance - rest)
+    def softened(self, kept: float) -> GroundShadow:
+        """Return the shadow in a light of which the dominant one keeps a share of its power, the rest being spread."""
+        other = copy(self)
+        share = float(np.clip(luminance(self.dominant), 1e-3, MOST_DOMINANT))
+        other._shine(((1.0 - kept * share) / (1.0 - share), kept), np.ones(3))
+        return other
 
     def with_light(self, sent: np.ndarray) -> GroundShadow:
         """Return the shadow on a ground that the mesh lights, too, by radiance `sent` [3] from sides that are not in
