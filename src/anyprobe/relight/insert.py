@@ -270,7 +270,7 @@ class Stage:
         spot, beside = self.placement, self._real()
         shadow = GroundShadow(spot.mesh, spot.foot, spot.radius, self.view.up, radiance, count, grid, beside=beside)
         if self.shows_ground:
-            seen = shadow.as_seen(seen_ground(self.photo, self.view, shadow.points(shadow.grid)))
+            seen = shadow.as_seen(seen_ground(self.photo, self.view, shadow.points(shadow.grid)), self.likely)
             if seen is not shadow:
                 return seen
         return shadow.softened(self.likely)

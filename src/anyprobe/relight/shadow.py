@@ -52,7 +52,7 @@ SHADED, LIT, LEAST_SEEN = 0.5, 0.9, 0.005
 which it is not; and the share of the cells of either that must be seen."""
 DEEP = 0.25
 """Quantile of the shaded cells that counts: some of them are beside the shadow that is seen."""
-MOST_DEEP, MOST_DOMINANT = 1.5, 0.95
+MOST_DEEP, MOST_DOMINANT = 1.0, 0.95
 """Bounds of the dominant light's share that a shadow shows: over what it should be, and as such."""
 
 
@@ -159,11 +159,12 @@ class GroundShadow:
         x = ((np.arange(count) + 0.5) / count * 2 - 1) * self.reach
         return (self.foot + x[None, :, None] * self.side + x[:, None, None] * self.across).reshape(-1, 3)
 
-    def as_seen(self, seen: np.ndarray) -> GroundShadow:
+    def as_seen(self, seen: np.ndarray, least: float = 0.0) -> GroundShadow:
         """Return the shadow in a light of which the dominant one has the share that the shadow of what stands beside
         shows by its depth, and in its colour.
 
-        seen: radiance of the ground at points(grid), [G * G, 3], NaN where it is not seen.
+        seen: radiance of the ground at points(grid), [G * G, 3], NaN where it is not seen. least: part of that share
+        which it keeps where the shadow is not seen where it should be.
         """
         shares = np.maximum([1.0 - self.dominant, self.dominant], 1e-3)
         past = self._past.reshape(2, -1, 3) / shares[:, None]
@@ -174,7 +175,7 @@ class GroundShadow:
         left = np.quantile(seen[shaded], DEEP, axis=0) / np.maximum(np.median(seen[lit], axis=0), 1e-3)
         lost = 1.0 - np.median(past[:, shaded], axis=1)  # of all other light there, and of the dominant one
         found = (1.0 - left - lost[0]) / np.maximum(lost[1] - lost[0], LEAST_LIT)
-        found = np.clip(found, 0.0, np.minimum(MOST_DEEP * self.dominant, MOST_DOMINANT))
+        found = np.clip(found, least * self.dominant, np.minimum(MOST_DEEP * self.dominant, MOST_DOMINANT))
         before, now = (max(float(luminance(one)), 1e-3) for one in (self.dominant, found))
         other = copy(self)
         other._shine(((1.0 - now) / max(1.0 - before, 1e-3), now / before), found / now * before / shares[1])
