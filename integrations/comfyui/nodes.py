@@ -151,7 +151,8 @@ class Relight(io.ComfyNode):
                 radiance, said, ground = estimated(one)
                 if found is not None:
                     radiance, said = check_radiance(found, "hdri"), one.warnings
-                place = Arrangement(size=size, at=foot, ground=ground, toward_light=find_dominant_light(radiance).direction)
+                toward = find_dominant_light(radiance).direction
+                place = Arrangement(size=size, at=foot, ground=ground, toward_light=toward)
                 stage = Stage(one, OBJECTS[shape](), place)
                 pictures.append(stage.relit(radiance, shape_material))
                 warnings += [*said, *stage.warnings]

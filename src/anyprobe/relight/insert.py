@@ -269,11 +269,8 @@ class Stage:
         as deep as the real one's where the photo shows that."""
         spot, beside = self.placement, self._real()
         shadow = GroundShadow(spot.mesh, spot.foot, spot.radius, self.view.up, radiance, count, grid, beside=beside)
-        if self.shows_ground:
-            seen = shadow.as_seen(seen_ground(self.photo, self.view, shadow.points(shadow.grid)), self.likely)
-            if seen is not shadow:
-                return seen
-        return shadow.softened(self.likely)
+        seen = seen_ground(self.photo, self.view, shadow.points(shadow.grid)) if self.shows_ground else None
+        return shadow.as_seen(self.likely, seen)
 
     def _real(self) -> Mesh | None:
         return real_body(self.photo, self.view, self.placement)

@@ -34,7 +34,7 @@ from anyprobe.light.filtering import irradiance_map
 from anyprobe.light.octahedral import Pyramid, lookup_rgb
 from anyprobe.paper.equations import ggx_distribution, schlick_weight
 from anyprobe.relight.ground_view import View
-from anyprobe.relight.placement import Placement
+from anyprobe.relight.placement import LEAST_SINE, Placement
 from anyprobe.relight.shadow import GroundShadow
 from anyprobe.render.integrate import PATCHES, emitters_specular, lobe_lod, lobe_samples, shading_pyramid
 from anyprobe.render.mesh import Mesh
@@ -134,8 +134,6 @@ STRONG = 1 / 16
 """Smallest share of all light of a direction whose shadows are sharp."""
 LIKELY = 0.1
 """Standard deviation of the real object's outline, in its size; bodies of 17 training assets are farther off."""
-LEAST_SINE = 1e-3
-"""Smallest angle [rad] below the horizon of a direction that meets the ground."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -49,7 +49,7 @@ FLAT = 0.6
 LEAST_HEIGHT = 1e-3
 """Smallest height of a virtual object, in its widths: sizes are given by height."""
 LEAST_SINE = 1e-3
-"""Smallest sine of a light above the ground."""
+"""Smallest sine of a light above the ground, and of a direction below it that meets the ground."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -52,8 +52,6 @@ SHADED, LIT, LEAST_SEEN = 0.5, 0.9, 0.005
 which it is not; and the share of the cells of either that must be seen."""
 DEEP = 0.25
 """Quantile of the shaded cells that counts: some of them are beside the shadow that is seen."""
-MOST_DEEP, MOST_DOMINANT = 1.0, 0.95
-"""Bounds of the dominant light's share that a shadow shows: over what it should be, and as such."""
 
 
 def sample_sky(radiance: np.ndarray, up: np.ndarray, count: int = NUM_DIRECTIONS) -> tuple[np.ndarray, np.ndarray]:
@@ -143,7 +141,7 @@ class GroundShadow:
     def _shine(self, scale: tuple[float, float], color: np.ndarray) -> None:
         """Make ratio and what reaches the ground past what stands beside, [G, G, 3], of scale times all other light and
         the dominant one; color [3]: of what the latter's shadow loses."""
-        self.kept = min(scale[1], 1.0)
+        self.kept = scale[1]
         self.reached = scale[0] * self._past[0] + scale[1] * self._past[1]
         lost = scale[0] * self._lost[0] + scale[1] * color * self._lost[1]
         share = np.where(self.reached < LEAST_LIT, 0.0, lost / np.maximum(self.reached, LEAST_LIT))
@@ -159,33 +157,24 @@ class GroundShadow:
         x = ((np.arange(count) + 0.5) / count * 2 - 1) * self.reach
         return (self.foot + x[None, :, None] * self.side + x[:, None, None] * self.across).reshape(-1, 3)
 
-    def as_seen(self, seen: np.ndarray, least: float = 0.0) -> GroundShadow:
-        """Return the shadow in a light of which the dominant one has the share that the shadow of what stands beside
-        shows by its depth, and in its colour.
+    def as_seen(self, likely: float, seen: np.ndarray | None = None) -> GroundShadow:
+        """Return the shadow in a light of which the dominant one is as strong as it is likely, up to how strong the
+        shadow of what stands beside shows it by its depth, and in that one's colour.
 
-        seen: radiance of the ground at points(grid), [G * G, 3], NaN where it is not seen. least: part of that share
-        which it keeps where the shadow is not seen where it should be.
+        seen: radiance of the ground at points(grid), [G * G, 3], NaN where it is not seen.
         """
-        shares = np.maximum([1.0 - self.dominant, self.dominant], 1e-3)
-        past = self._past.reshape(2, -1, 3) / shares[:, None]
-        known = np.isfinite(seen).all(axis=-1)
-        shaded, lit = known & (luminance(past[1]) < SHADED), known & (luminance(self.reached).ravel() > LIT)
-        if min(shaded.sum(), lit.sum()) < LEAST_SEEN * len(seen):
-            return self
-        left = np.quantile(seen[shaded], DEEP, axis=0) / np.maximum(np.median(seen[lit], axis=0), 1e-3)
-        lost = 1.0 - np.median(past[:, shaded], axis=1)  # of all other light there, and of the dominant one
-        found = (1.0 - left - lost[0]) / np.maximum(lost[1] - lost[0], LEAST_LIT)
-        found = np.clip(found, least * self.dominant, np.minimum(MOST_DEEP * self.dominant, MOST_DOMINANT))
+        shares, found = np.maximum([1.0 - self.dominant, self.dominant], 1e-3), likely * self.dominant
+        if seen is not None:
+            past, known = self._past.reshape(2, -1, 3) / shares[:, None], np.isfinite(seen).all(axis=-1)
+            shaded, lit = known & (luminance(past[1]) < SHADED), known & (luminance(self.reached).ravel() > LIT)
+            if min(shaded.sum(), lit.sum()) >= LEAST_SEEN * len(seen):
+                left = np.quantile(seen[shaded], DEEP, axis=0) / np.maximum(np.median(seen[lit], axis=0), 1e-3)
+                lost = 1.0 - np.median(past[:, shaded], axis=1)  # of all other light there, and of the dominant one
+                shown = (1.0 - left - lost[0]) / np.maximum(lost[1] - lost[0], LEAST_LIT)
+                found = np.clip(shown, found, self.dominant)
         before, now = (max(float(luminance(one)), 1e-3) for one in (self.dominant, found))
         other = copy(self)
         other._shine(((1.0 - now) / max(1.0 - before, 1e-3), now / before), found / now * before / shares[1])
-        return other
-
-    def softened(self, kept: float) -> GroundShadow:
-        """Return the shadow in a light of which the dominant one keeps a share of its power, the rest being spread."""
-        other = copy(self)
-        share = float(np.clip(luminance(self.dominant), 1e-3, MOST_DOMINANT))
-        other._shine(((1.0 - kept * share) / (1.0 - share), kept), np.ones(3))
         return other
 
     def with_light(self, sent: np.ndarray) -> GroundShadow:
