@@ -112,6 +112,7 @@ class GroundShadow:
         self.grid = grid
         self._draw(mesh, beside, radiance, count)
         self._shine((1.0, 1.0), np.ones(3))
+        self.kept = 1.0  # of the dominant light's power, by how likely it is
 
     def _draw(self, mesh: Mesh, beside: Mesh | None, radiance: np.ndarray, count: int) -> None:
         """Keep the shares of the light that reach the ground past what stands beside, and what the mesh keeps off of
@@ -141,7 +142,6 @@ class GroundShadow:
     def _shine(self, scale: tuple[float, float], color: np.ndarray) -> None:
         """Make ratio and what reaches the ground past what stands beside, [G, G, 3], of scale times all other light and
         the dominant one; color [3]: of what the latter's shadow loses."""
-        self.kept = scale[1]
         self.reached = scale[0] * self._past[0] + scale[1] * self._past[1]
         lost = scale[0] * self._lost[0] + scale[1] * color * self._lost[1]
         share = np.where(self.reached < LEAST_LIT, 0.0, lost / np.maximum(self.reached, LEAST_LIT))
@@ -174,6 +174,7 @@ class GroundShadow:
                 found = np.clip(shown, found, self.dominant)
         before, now = (max(float(luminance(one)), 1e-3) for one in (self.dominant, found))
         other = copy(self)
+        other.kept = likely
         other._shine(((1.0 - now) / max(1.0 - before, 1e-3), now / before), found / now * before / shares[1])
         return other
 
