@@ -34,7 +34,7 @@ from anyprobe.light.filtering import irradiance_map
 from anyprobe.light.octahedral import Pyramid, lookup_rgb
 from anyprobe.paper.equations import ggx_distribution, schlick_weight
 from anyprobe.relight.ground_view import View
-from anyprobe.relight.placement import LEAST_SINE, Placement
+from anyprobe.relight.placement import LEAST_RISE, Placement
 from anyprobe.relight.shadow import GroundShadow
 from anyprobe.render.integrate import PATCHES, emitters_specular, lobe_lod, lobe_samples, shading_pyramid
 from anyprobe.render.mesh import Mesh
@@ -249,7 +249,7 @@ class Surroundings:
         """Return which rays [N, 3] meet the ground, and what it sends along those."""
         up = self.ground.view.up
         sine = rays @ up
-        below = sine < -LEAST_SINE
+        below = sine < -LEAST_RISE
         height = np.maximum((starts[below] - self.spot.foot) @ up, 0.0)
         return below, self.ground.at(starts[below] + (height / -sine[below])[:, None] * rays[below], self.shadow)
 

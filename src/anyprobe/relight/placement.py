@@ -48,7 +48,7 @@ FLAT = 0.6
 
 LEAST_HEIGHT = 1e-3
 """Smallest height of a virtual object, in its widths: sizes are given by height."""
-LEAST_SINE = 1e-3
+LEAST_RISE = 1e-3
 """Smallest sine of a light above the ground, and of a direction below it that meets the ground."""
 
 
@@ -201,11 +201,11 @@ def shaded(
 ) -> np.ndarray:
     """Return how much of balls of radii half [N] that stand on foot [N, 3] is in the shadow of an upright cylinder of
     width and height real_size, which touches the ground at the origin."""
-    sine = max(float(toward_light @ up), LEAST_SINE)
+    sine = max(float(toward_light @ up), LEAST_RISE)
     along = toward_light - (toward_light @ up) * up
     away = np.array([0.0, 0.0, -1.0]) + up[2] * up
-    axis = away / max(float(np.linalg.norm(away)), LEAST_SINE) * real_size[0] / 2 - foot
-    reach = axis @ along / max(float(along @ along), LEAST_SINE)  # of the light's way, to where it is nearest
+    axis = away / max(float(np.linalg.norm(away)), LEAST_RISE) * real_size[0] / 2 - foot
+    reach = axis @ along / max(float(along @ along), LEAST_RISE)  # of the light's way, to where it is nearest
     across = np.linalg.norm(axis - reach[:, None] * along - (axis @ up)[:, None] * up, axis=-1)
     height = half + reach * sine
     parts = [(of + half - off) / (2 * half) for of, off in zip(real_size / [2, 1], (across, height), strict=True)]
