@@ -168,8 +168,8 @@ def sharp_shares(
         low, pixel = corners[:, :2].min(axis=0), np.ptp(corners[:, :2], axis=0).max() / MAP_SIDE
         corners[:, :2], at[:, :2] = (1 + (of[:, :2] - low) / pixel for of in (corners, at))
         face, weights, covered = cover(corners[mesh.faces, :2], MAP_SIDE + 2)
-        nearest = np.full((MAP_SIDE + 2) ** 2, -np.inf)
-        np.maximum.at(nearest, covered, (weights * corners[mesh.faces[face], 2]).sum(axis=1))
-        nearest, place = nearest.reshape(MAP_SIDE + 2, MAP_SIDE + 2), at[:, 1::-1] - 0.5
+        flat, place = np.full((MAP_SIDE + 2) ** 2, -np.inf), at[:, 1::-1] - 0.5
+        np.maximum.at(flat, covered, (weights * corners[mesh.faces[face], 2]).sum(axis=1))
+        nearest = flat.reshape(MAP_SIDE + 2, MAP_SIDE + 2)
         share[:] = np.mean([passed(nearest, place + offset, at[:, 2]) for offset in offsets], axis=0)
     return result
