@@ -128,8 +128,8 @@ def store_small(model) -> None:
     for node in reversed(widened):
         model.graph.node.insert(0, node)
     short = {one.name: one.name for one in (*model.graph.input, *model.graph.output)} | {"": ""}
-    for node in model.graph.node:  # names of the tracer's take a quarter of a megabyte
-        node.name = ""
+    for number, node in enumerate(model.graph.node):  # names of the tracer's take a quarter of a megabyte
+        node.name = f"{number:x}"
         for names in (node.input, node.output):
             names[:] = [short.setdefault(renamed.get(name, name), f"{len(short):x}") for name in names]
     for tensor in model.graph.initializer:
