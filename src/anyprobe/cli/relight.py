@@ -231,6 +231,6 @@ def _lit(
         return radiance, 1.0, replace(place, ground=ground, toward_light=toward), photo.warnings
     light = session.estimate(source, [photo])
     gain = 1.0 if photo.material is not None else least_scale(photo, light.radiance)  # a material settles the level
-    mirrored, first = light.panorama(PANORAMA_ROWS, frame="camera", lit=True).radiance, light.dominant_light()
-    place = replace(place, ground=light.ground, toward_light=first.direction, likely=first.exists)
+    mirrored, likely = light.panorama(PANORAMA_ROWS, frame="camera", lit=True).radiance, light.dominant_light().exists
+    place = replace(place, ground=light.ground, toward_light=find_dominant_light(mirrored).direction, likely=likely)
     return mirrored * np.float32(gain), gain, place, light.warnings

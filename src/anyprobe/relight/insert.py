@@ -194,7 +194,7 @@ class Arrangement:
     turn_deg: rotation about its vertical axis. pitch_deg: camera pitch downwards; None: the ground's.
     ground: the photo's estimated ground (Light.ground); None: guessed. toward_light: direction of the dominant light in
     the camera's frame, so that the object is not put into the real one's shadow; None: not known. likely: probability
-    that it shines from there, where no shadow shows how strong it is.
+    that it shines from there.
     """
 
     size: float = 0.5
