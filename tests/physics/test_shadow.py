@@ -123,7 +123,6 @@ def test_a_shadow_that_is_seen_tells_the_dominant_lights_share(likely, off_share
     at = FOOT + RADIUS * np.array([[-1.0, 0, 0], [0.0, 0, 0.5], [0.5, 0, 0], [1.0, 0, 0]])
     off = [np.abs(one.at(at) - true.at(at)).max() for one in (found, guessed)]
     assert off[0] < off_share * off[1]
-    assert found.kept == likely
 
 
 def test_a_softened_shadow_is_of_the_light_that_is_left():
@@ -133,7 +132,6 @@ def test_a_softened_shadow_is_of_the_light_that_is_left():
     np.testing.assert_allclose(shadow.as_seen(1.0).ratio, shadow.ratio, atol=1e-6)
     at = surroundings(shadow, RADIUS)
     assert 1 - shadow.as_seen(0.0).at(at).mean() == pytest.approx(2**-1.5, rel=0.1)
-    assert shadow.as_seen(0.5).kept == 0.5
 
 
 def test_directions_share_the_irradiance(rng):

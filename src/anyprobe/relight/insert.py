@@ -324,8 +324,8 @@ class Stage:
         camera = replace(self.window.camera, size=min(self.window.camera.size, MOST_DRAWN))
         finer = {} if camera.size == self.window.camera.size else {"supersample": ENLARGED_SUPERSAMPLE}
         cast = self.shadow(radiance, MIRRORED_DIRECTIONS, MIRRORED_GRID) if shadow is None else shadow
-        if np.any(material.albedo):
-            radiance = softened_light(radiance, cast.kept)
+        if self.likely < 1.0 and np.any(material.albedo):
+            radiance = softened_light(radiance, self.likely)
         ground = GroundPicture(self.photo, self.view, radiance)
         drawn = draw_on_ground(Surroundings(ground, self.placement, cast, self._real(), material), camera, **finer)
         if np.any(material.albedo) and (drawn[..., 3] > 0).any():

@@ -112,7 +112,6 @@ class GroundShadow:
         self.grid = grid
         self._draw(mesh, beside, radiance, count)
         self._shine((1.0, 1.0), np.ones(3))
-        self.kept = 1.0  # of the dominant light's power, by how likely it is
 
     def _draw(self, mesh: Mesh, beside: Mesh | None, radiance: np.ndarray, count: int) -> None:
         """Keep the shares of the light that reach the ground past what stands beside, and what the mesh keeps off of
@@ -174,7 +173,6 @@ class GroundShadow:
                 found = np.clip(shown, found, self.dominant)
         before, now = (max(float(luminance(one)), 1e-3) for one in (self.dominant, found))
         other = copy(self)
-        other.kept = likely
         other._shine(((1.0 - now) / max(1.0 - before, 1e-3), now / before), found / now * before / shares[1])
         return other
 
