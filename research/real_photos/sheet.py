@@ -42,7 +42,9 @@ def tiles_of(photo: Photo, light: Light) -> list[Tile]:
     """Return the pictures of one estimate."""
     gain = min(1.0, 0.8 / max(float(sphere_images(light.radiance, 32)["diffuse"].max()), 1e-6))
     spheres = [("", response(one * gain)) for one in sphere_images(light.radiance, ROW).values()]
-    stage = Stage(photo, open_object("vase"), Arrangement(size=0.6, ground=light.ground))
+    stage = Stage(
+        photo, open_object("vase"), Arrangement(size=0.6, ground=light.ground, long_fov_deg=light.origin.long_fov_deg)
+    )
     pitch = "" if light.pitch_deg is None else f"pitch {light.pitch_deg:.0f} deg"
     return [("", response(light.radiance * gain)), *spheres, (pitch, stage.relit(light.radiance, "matte"))]
 

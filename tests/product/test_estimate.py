@@ -6,6 +6,7 @@ import json
 import pickle
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ import anyprobe
 from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import inverse_response, response
+from anyprobe.estimate.refine import lens_of
 from anyprobe.estimate.runtime import bundled_models
 from anyprobe.inputs.settings import DEFAULT_MODEL
 from anyprobe.light.environment import integral, reduced, rotate
@@ -251,3 +253,18 @@ def test_sidecar_tells_all(tmp_path, estimator, photo_path):
 def test_an_estimator_can_be_sent_to_another_process(estimator, photo_rgba):
     again = pickle.loads(pickle.dumps(estimator))
     np.testing.assert_array_equal(again(photo_rgba).radiance, estimator(photo_rgba).radiance)
+
+
+def test_the_lens_is_the_narrow_end_of_the_networks_where_nothing_else_says_it():
+    said = SimpleNamespace(field_of_view=np.array([50.0, 10.0]))
+    photo = anyprobe.load_photo(photo_at(128, 96))
+    assert lens_of(photo, said) == (40.0, "estimated")
+    assert lens_of(photo, SimpleNamespace(field_of_view=None)) == (photo.long_fov_deg, "default")
+    assert lens_of(anyprobe.load_photo(photo_at(128, 96), fov_deg=70.0), said) == (70.0, "given")
+
+
+def test_a_cut_out_says_its_lens_too():
+    light = anyprobe.estimate(photo_at(128, 96))
+    assert light.ground is None
+    assert light.origin.fov_source == "estimated"
+    assert 10 < light.origin.long_fov_deg < 70

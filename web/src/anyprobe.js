@@ -93,9 +93,7 @@ export class AnyProbe {
     const asked = { picture, mask, marks, normals, ...known, options: { surroundings, pitchDeg, material } };
     const { light } = await this.#client.ask("estimate", asked, signal);
     const own = { data: mask, width, height, quality, ...described(warnings) };
-    const found = light.ground?.longFovDeg;
-    const seen = found === undefined ? lens : { longFovDeg: found, source: "estimated" };
-    return new Light({ ...light, warnings: [...warnings, ...light.warnings], mask: own, lens: seen });
+    return new Light({ ...light, warnings: [...warnings, ...light.warnings], mask: own, lens: light.lens ?? lens });
   }
 
   /** As estimate, of a picture in memory and its mask; says the seconds it took. */

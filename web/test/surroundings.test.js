@@ -32,9 +32,9 @@ test("a background that is not used leaves the ground unknown", async () => {
   assert.equal((await lightOf(pictureOf(100), 0.9, { pitchDeg: 10 })).ground.source, "given");
 });
 
-test("the lens is the network's where nothing else says it", async () => {
-  assert.equal((await lightOf(pictureOf(100), 0.9, { isLensKnown: false })).ground.longFovDeg, 60);
-  assert.equal((await lightOf(pictureOf(100), 0.9, { isLensKnown: true })).ground.longFovDeg, undefined);
+test("the lens is the narrow end of the network's where nothing else says it", async () => {
+  assert.equal((await lightOf(pictureOf(100), 0.9, { isLensKnown: false })).lens.longFovDeg, 55);
+  assert.equal((await lightOf(pictureOf(100), 0.9, { isLensKnown: true })).lens, undefined);
 });
 
 test("what is transparent is not used, unless the whole photo is asked for", async () => {

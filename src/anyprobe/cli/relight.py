@@ -20,8 +20,9 @@ from anyprobe.cli.photo_files import hints_for, photo_name, photo_source, result
 from anyprobe.core.color import to_bytes
 from anyprobe.errors import InputError, InvalidMask, OutputError, arguments_named
 from anyprobe.estimate.estimator import Estimator
-from anyprobe.estimate.ground import USUAL_ERROR_DEG, Ground, pitch_words
+from anyprobe.estimate.ground import USUAL_ERROR_DEG, pitch_words
 from anyprobe.estimate.photo import Photo
+from anyprobe.estimate.sidecar import Origin
 from anyprobe.estimate.sun_hint import place_of_sun
 from anyprobe.export.exported_light import read_with_origin
 from anyprobe.files.atomic import check_writable
@@ -215,22 +216,23 @@ def _lit(
     source: Estimator | tuple[np.ndarray, dict[str, Any], np.ndarray],
     models: options.ModelOptions,
 ) -> tuple[np.ndarray, float, Arrangement, tuple[str, ...]]:
-    """Return radiance, gain, place with its ground and light, and warnings of the given map, as read_with_origin reads
-    it, or of an estimate.
+    """Return radiance, gain, place with its ground, lens and light, and warnings of the given map, as read_with_origin
+    reads it, or of an estimate.
 
-    A given map is turned back to the camera's frame; its ground is the one stored with it, or else estimated from the
-    photo. An estimate is scaled to the brightness that the object needs.
+    A given map is turned back to the camera's frame; its ground and lens are those stored with it, or else estimated
+    from the photo. An estimate is scaled to the brightness that the object needs.
     """
     if isinstance(source, tuple):
         radiance, origin, turn = source
         if not np.allclose(turn, np.eye(3)):
             radiance = np.maximum(rotate(radiance, turn.T), 0.0)
         is_same_photo = origin.get("photo") == photo.name and "ground" in origin and photo.pitch_deg is None
-        ground = Ground.of(origin["ground"]) if is_same_photo else session.estimate(models.estimator(), [photo]).ground
-        toward = find_dominant_light(radiance).direction
-        return radiance, 1.0, replace(place, ground=ground, toward_light=toward), photo.warnings
+        about = Origin.from_json(origin) if is_same_photo else session.estimate(models.estimator(), [photo]).origin
+        place = replace(place, ground=about.ground, long_fov_deg=about.long_fov_deg)
+        return radiance, 1.0, replace(place, toward_light=find_dominant_light(radiance).direction), photo.warnings
     light = session.estimate(source, [photo])
     gain = 1.0 if photo.material is not None else least_scale(photo, light.radiance)  # a material settles the level
     mirrored, likely = light.panorama(PANORAMA_ROWS, frame="camera", lit=True).radiance, light.dominant_light().exists
-    place = replace(place, ground=light.ground, toward_light=find_dominant_light(mirrored).direction, likely=likely)
+    place = replace(place, ground=light.ground, long_fov_deg=light.origin.long_fov_deg)
+    place = replace(place, toward_light=find_dominant_light(mirrored).direction, likely=likely)
     return mirrored * np.float32(gain), gain, place, light.warnings

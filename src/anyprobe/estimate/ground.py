@@ -6,7 +6,7 @@ refine.with_estimated_ground puts what the network sees in its place.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -55,7 +55,6 @@ class Ground:
         contact: x, y [px] where the object touches the ground.
         source: "given", "exif" (noted by the camera), "estimated" from the photo by a network, or "guessed".
         is_doubtful: whether the object's place in the photo contradicts the usual guess.
-        long_fov_deg: field of view of the photo's longer side by a network, where nothing else says it.
     """
 
     pitch_deg: float
@@ -64,7 +63,6 @@ class Ground:
     contact: tuple[float, float]
     source: str
     is_doubtful: bool = False
-    long_fov_deg: float | None = None
 
     @property
     def up(self) -> np.ndarray:
@@ -88,14 +86,15 @@ class Ground:
         """Restore the ground from `info`; None for None.
 
         Raises:
-            KeyError, TypeError: other fields, or what should be numbers is none.
+            KeyError, TypeError: fields are missing, or what should be numbers is none.
         """
         if info is None:
             return None
         numbers = (info["pitch_deg"], info["pitch_error_deg"], info["roll_deg"], *info["contact"])
         if not all(isinstance(one, int | float) for one in numbers):
             raise TypeError(f"expected numbers, got {numbers}")
-        return Ground(**{**info, "contact": tuple(info["contact"])})
+        known = {one.name: info[one.name] for one in fields(Ground) if one.name in info}
+        return Ground(**{**known, "contact": tuple(info["contact"])})
 
     @property
     def is_known(self) -> bool:
@@ -104,10 +103,8 @@ class Ground:
 
     def info(self) -> dict[str, Any]:
         """Return the fields of a sidecar, rounded."""
-        angles = ("pitch_deg", "pitch_error_deg", "roll_deg", "long_fov_deg")
-        known = {name: value for name, value in asdict(self).items() if value is not None}
-        rounded = {name: round(known[name], 2) for name in angles if name in known}
-        return {**known, **rounded, "contact": [round(one, 1) for one in self.contact]}
+        angles = {name: round(getattr(self, name), 2) for name in ("pitch_deg", "pitch_error_deg", "roll_deg")}
+        return {**asdict(self), **angles, "contact": [round(one, 1) for one in self.contact]}
 
 
 def up_of(pitch_deg: float, roll_deg: float = 0.0) -> np.ndarray:

@@ -98,12 +98,10 @@ def _hides_backdrop(photo: np.ndarray) -> bool:
 
 
 def with_estimated_ground(found: Prediction, photo: Photo) -> Prediction:
-    """Replace a guessed ground, and a lens that nothing says, by the networks' own estimate."""
-    ground, posture, lens = found.ground, found.said.posture, found.said.field_of_view
+    """Replace a guessed ground by the networks' own estimate."""
+    ground, posture = found.ground, found.said.posture
     if ground is not None and not ground.is_known and posture is not None:
         ground = ground_by_posture(ground, posture)
-    if ground is not None and photo.fov_source == "default" and lens is not None:
-        ground = replace(ground, long_fov_deg=float(lens[0]))
     return replace(found, ground=ground)
 
 
@@ -172,15 +170,25 @@ def object_info(said: Said) -> dict[str, Any]:
     }
 
 
+def lens_of(photo: Photo, said: Said) -> tuple[float, str]:
+    """Return the field of view of the photo's longer side [degrees], and who says it.
+
+    A network's is the narrow end of its error: spheres drawn too long are seen, those drawn too round are not.
+    """
+    if photo.fov_source != "default" or said.field_of_view is None:
+        return float(photo.long_fov_deg), photo.fov_source
+    return float(said.field_of_view[0] - said.field_of_view[1]), "estimated"
+
+
 def estimate_origin(photo: Photo, found: Prediction, seconds: dict[str, float], model_id: str) -> Origin:
     """Return what a light was estimated from, and by which model; seconds: time by step."""
-    confidence, lens = photo.mask_confidence, found.ground and found.ground.long_fov_deg
+    confidence, (long_fov_deg, fov_source) = photo.mask_confidence, lens_of(photo, found.said)
     return Origin(
         photo=photo.name,
         model=model_id,
         exposure=None if photo.exposure is None else float(f"{photo.exposure:.6g}"),
-        long_fov_deg=round(float(lens or photo.long_fov_deg), 3),
-        fov_source="estimated" if lens else photo.fov_source,
+        long_fov_deg=round(long_fov_deg, 3),
+        fov_source=fov_source,
         pitch_deg=None if photo.pitch_deg is None else round(float(photo.pitch_deg), 3),
         ground=found.ground,
         mask={"source": photo.mask_source, "confidence": confidence and round(confidence, 4)},

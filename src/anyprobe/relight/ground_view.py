@@ -65,19 +65,21 @@ class View(PinholeCamera):
         return [(slice(top, min(top + step, lines.stop)), columns) for top in tops]
 
 
-def view_of(photo: Photo, pitch_deg: float | None = None, found: Ground | None = None) -> tuple[View, float]:
+def view_of(
+    photo: Photo, pitch_deg: float | None = None, found: Ground | None = None, long_fov_deg: float | None = None
+) -> tuple[View, float]:
     """Return the photo's camera over its ground, and the pitch used.
 
     Args:
         pitch_deg: camera pitch downwards; None: the photo's own.
-        found: the ground and the lens estimated with the light; None: estimate_ground's guess. Unless the pitch is
-            given, the camera sees the ground at the base at least LEAST_SLOPE_DEG below the horizon.
+        found: the ground estimated with the light; None: estimate_ground's guess. Unless the pitch is given, the camera
+            sees the ground at the base at least LEAST_SLOPE_DEG below the horizon.
+        long_fov_deg: the lens estimated with the light; None: the photo's.
     Raises:
         InputError: the base would lie at or above the horizon.
     """
     height, width = photo.mask.shape
-    lens = photo.long_fov_deg if found is None or found.long_fov_deg is None else found.long_fov_deg
-    focal = PinholeCamera.of_fov(width, height, lens).focal
+    focal = PinholeCamera.of_fov(width, height, long_fov_deg or photo.long_fov_deg).focal
     ground = estimate_ground(photo, pitch_deg=pitch_deg)
     if found is not None and ground.source != GIVEN:
         ground = replace(ground, pitch_deg=found.pitch_deg, source=found.source)

@@ -192,9 +192,9 @@ class Arrangement:
 
     size: its height over the real object's. at: x, y of its foot in the photo [px]; None: beside the real object.
     turn_deg: rotation about its vertical axis. pitch_deg: camera pitch downwards; None: the ground's.
-    ground: the photo's estimated ground (Light.ground); None: guessed. toward_light: direction of the dominant light in
-    the camera's frame, so that the object is not put into the real one's shadow; None: not known. likely: probability
-    that it shines from there.
+    ground, long_fov_deg: the photo's ground and lens as estimated (Light.ground, Light.origin); None: guessed, and the
+    photo's. toward_light: direction of the dominant light in the camera's frame, so that the object is not put into the
+    real one's shadow; None: not known. likely: probability that it shines from there.
     """
 
     size: float = 0.5
@@ -202,6 +202,7 @@ class Arrangement:
     turn_deg: float = 0.0
     pitch_deg: float | None = None
     ground: Ground | None = None
+    long_fov_deg: float | None = None
     toward_light: np.ndarray | None = None
     likely: float = 1.0
 
@@ -219,7 +220,7 @@ class Stage:
         given = arrangement or Arrangement()
         check_foot(given.at, *photo.mask.shape)
         self.photo, self.likely = photo, given.likely
-        self.view, pitch_deg = view_of(photo, given.pitch_deg, given.ground)
+        self.view, pitch_deg = view_of(photo, given.pitch_deg, given.ground, given.long_fov_deg)
         self.placement: Placement = place_beside(
             mesh, photo, self.view, pitch_deg, given.size, given.at, given.turn_deg, given.toward_light
         )

@@ -36,8 +36,8 @@ export async function lightOfObject(models, picture, mask, longFovDeg, options) 
   const wellExposed = said.well_exposed[0];
   const { radiance, confidence } = mirror ? withMirror(said, mirror, Math.min(1, wellExposed / ENOUGH)) : said;
   const isUsed = isShown && said.believed[0] > CONTRACT.graph.place;
-  const lens = isLensKnown ? undefined : said.field_of_view[0];
-  const ground = isUsed ? groundOf(picture, mask, objectBox(mask, picture.width), pitchDeg, said.posture, lens) : null;
+  const [fovDeg, fovErrorDeg] = said.field_of_view;
+  const ground = isUsed ? groundOf(picture, mask, objectBox(mask, picture.width), pitchDeg, said.posture) : null;
   const [metal, red, green, blue, reflectance] = said.object_material;
   const [errorDeg, level, colorDeg] = said.errors;
   return {
@@ -51,6 +51,8 @@ export async function lightOfObject(models, picture, mask, longFovDeg, options) 
     soft: said.soft[0],
     outdoors: said.outdoors[0],
     ground,
+    // narrowed by its error: spheres drawn too long are seen, those drawn too round are not
+    lens: isLensKnown ? undefined : { longFovDeg: fovDeg - fovErrorDeg, source: "estimated" },
     warnings: [
       ...exposureDoubts(picture, mask),
       ...(isShown && !isUsed ? backdropDoubts(inputs.photo[0]) : groundDoubts(ground)),

@@ -59,16 +59,14 @@ export function upOf(pitchDeg, rollDeg = 0) {
  * @param {number[]} box of the mask's object
  * @param {number | undefined} pitchDeg how far the camera looks down, where it is known
  * @param {Float32Array} posture of Models.light: pitch, roll and the pitch's mean error [degrees]
- * @param {number} [longFovDeg] field of view of the longer side by the network, where nothing else says it
- * @returns {{pitchDeg: number, pitchErrorDeg: number, rollDeg: number, contact: number[], source: "given" | "estimated", longFovDeg?: number}}
+ * @returns {{pitchDeg: number, pitchErrorDeg: number, rollDeg: number, contact: number[], source: "given" | "estimated"}}
  */
-export function groundOf({ width }, mask, box, pitchDeg, posture, longFovDeg) {
+export function groundOf({ width }, mask, box, pitchDeg, posture) {
   const contact = contactOf(mask, width, box);
-  const lens = longFovDeg === undefined ? {} : { longFovDeg };
-  if (pitchDeg !== undefined) return { pitchDeg, pitchErrorDeg: GROUND.given_error_deg, rollDeg: 0, contact, source: "given", ...lens };
+  if (pitchDeg !== undefined) return { pitchDeg, pitchErrorDeg: GROUND.given_error_deg, rollDeg: 0, contact, source: "given" };
   const [foundDeg, rollDeg, errorDeg] = posture;
   const pitchErrorDeg = Math.sqrt(Math.PI / 2) * errorDeg;
-  return { pitchDeg: foundDeg, pitchErrorDeg, rollDeg, contact, source: "estimated", ...lens };
+  return { pitchDeg: foundDeg, pitchErrorDeg, rollDeg, contact, source: "estimated" };
 }
 
 /**
