@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from anyprobe.render.shapes import sphere
-from anyprobe.render.voxels import first_faces, open_shares, voxelize
+from anyprobe.render.voxels import faces_around, first_faces, first_hits, open_shares, voxelize
 
 BALL = sphere(48)
 VOXELS = voxelize(BALL)
@@ -33,6 +33,27 @@ def test_rays_meet_the_sphere_where_it_is(outside, rng):
     met = outside[hit] + (-along[hit] - np.sqrt(inside[hit]))[:, None] * toward[hit]
     centres = BALL.positions[BALL.faces[faces[hit]]].mean(axis=1)
     assert np.linalg.norm(met - centres, axis=1).max() < 6 * CELL  # on the near side
+
+
+def test_hits_are_points_of_the_mesh_itself(outside, rng):
+    toward = -outside + 0.6 * rng.normal(size=outside.shape)
+    toward /= np.linalg.norm(toward, axis=1, keepdims=True)
+    along = (outside * toward).sum(axis=1)
+    inside = 1 - (outside**2).sum(axis=1) + along**2
+    faces, weights = first_hits(BALL, VOXELS, faces_around(BALL), outside, toward)
+    sag = 0.02  # of 48 segments, twice
+    clear = np.abs(inside) > sag
+    is_met = (inside > 0) & (along < 0)
+    assert (faces[clear & is_met] >= 0).mean() > 0.995  # a few that graze slip between
+    assert (faces[clear & ~is_met] < 0).all()  # of cells, .03 wide, some are met
+    hit = clear & (faces >= 0)
+    assert hit.sum() > 500
+    np.testing.assert_allclose(weights[hit].sum(axis=1), 1, atol=1e-9)
+    at = (BALL.positions[BALL.faces[faces[hit]]] * weights[hit, :, None]).sum(axis=1)
+    off = at - outside[hit]
+    assert np.abs(np.cross(off, toward[hit])).max() < 1e-5  # on the ray
+    met = outside[hit] + (-along[hit] - np.sqrt(inside[hit]))[:, None] * toward[hit]
+    assert np.median(np.linalg.norm(at - met, axis=1)) < 0.005
 
 
 @pytest.mark.parametrize("direction", [(0.3, 1, 0.2), (-1, 0.2, 0.4), (0.1, -0.2, -1), (0, 0, 1)])

@@ -40,7 +40,7 @@ from anyprobe.render.integrate import PATCHES, emitters_specular, lobe_lod, lobe
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.picture import LIGHT_ROWS, draw_mesh
 from anyprobe.render.surface import Camera, see
-from anyprobe.render.voxels import first_faces, open_shares, sharp_shares, voxelize
+from anyprobe.render.voxels import faces_around, first_faces, first_hits, open_shares, sharp_shares, voxelize
 from anyprobe.scatter.materials import Material
 
 _ROWS = 128
@@ -126,7 +126,7 @@ def with_ground(ground: GroundPicture, spot: Placement, shadow: GroundShadow) ->
 COARSE, COARSER = 128, 32
 """Sides [px] of the pictures in which light is hidden, and in which the ground is near."""
 DIRECTIONS, LOBE_RAYS, NEAR_RAYS = 192, 8, 64
-"""Numbers of directions of parallel light, of rays of a lobe, and of rays of the cosine, from each of their points."""
+"""Numbers of directions of parallel light, of rays of a wide lobe, and of rays of the cosine, of a point."""
 OFF_SURFACE, OFF_SHARP = 1.5, 0.375
 """Distances from the surface, in the longest sides of cells, from which points look: at cells, and at shadow maps,
 which are four times as fine."""
@@ -193,22 +193,26 @@ class Surroundings:
         self.own, self.normals = voxelize(spot.mesh), np.sign(volume) * normalize(spot.mesh.normals.mean(axis=1))
         self.real = None if beside is None else voxelize(beside)
         if beside is not None:
+            self.around_real = faces_around(beside)
             self._color(beside)
 
     def _color(self, beside: Mesh) -> None:
-        """Keep the radiance [F, 3] of the real object's faces.
+        """Keep the radiance [V, 3] of the real object's corners.
 
-        A face that the photo does not show has the mean albedo of those that it shows, in the light of its side.
+        What the photo does not show has the mean albedo of what it shows, in the light of its side; on the way from one
+        to the other it is mixed of both.
         """
-        photo, view = self.ground.photo, self.ground.view
-        corners = beside.positions[beside.faces]
-        middle, n = corners.mean(axis=1), np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        n = normalize(n) * np.sign((n * (middle - beside.positions.mean(axis=0))).sum(axis=1, keepdims=True))
-        column, row = np.clip(view.pixels(middle), 0, [view.width - 1, view.height - 1]).astype(int).T
-        seen = (photo.mask[row, column] > 0.5) & ((n * middle).sum(axis=1) < 0)
+        photo, view, at = self.ground.photo, self.ground.view, beside.positions
+        a, b, c = np.moveaxis(at[beside.faces], 1, 0)
+        n = np.zeros_like(at)
+        np.add.at(n, beside.faces, np.cross(b - a, c - a)[:, None])
+        n = normalize(n) * np.sign((n * (at - at.mean(axis=0))).sum(axis=1, keepdims=True))
+        column, row = np.clip(view.pixels(at), 0, [view.width - 1, view.height - 1]).astype(int).T
+        facing = np.clip(-2 * (n * normalize(at)).sum(axis=1, keepdims=True), 0.0, 1.0)
+        seen = facing * (photo.mask[row, column, None] > 0.5)
         shown, lit = photo.linear((row, column)), self.irradiance(n)
-        mean = [of[seen].mean(axis=0) if seen.any() else np.zeros(3) for of in (shown, lit)]
-        self.real_colors = np.where(seen[:, None], shown, lit * mean[0] / np.maximum(mean[1], 1e-9))
+        mean = [(of * seen).sum(axis=0) for of in (shown, lit)]
+        self.real_colors = seen * shown + (1.0 - seen) * lit * mean[0] / np.maximum(mean[1], 1e-9)
 
     def irradiance(self, n: np.ndarray) -> Float[np.ndarray, "N 3"]:
         """Return the irradiance of the light on sides of normals n [N, 3]."""
@@ -267,21 +271,21 @@ class Surroundings:
         return (cosine * passed @ power) / np.maximum(cosine @ power, 1e-9), hidden
 
     def coat(
-        self, points: Points, side: int
+        self, points: Points, each: int
     ) -> tuple[Float[np.ndarray, "P 3"], Float[np.ndarray, "P 3"], Float[np.ndarray, "P 3"]]:
         """Return what the coat reflects of the map where no body hides it, of all of it, and of both bodies and the
-        near ground, more than of the map. Squares of points of this side share the rays."""
+        near ground, more than of the map, by so many rays of each point; four points of a square share theirs."""
         n, wo, alpha = points.n, points.wo, self.material.alpha
         pyramid = shading_pyramid(self.light, alpha)
-        u, each = hammersley(LOBE_RAYS), LOBE_RAYS // side**2
+        u = hammersley(4 * each)
         wi, (pdf, weight, grazing) = np.empty((3, len(n), each)), np.empty((3, len(n), each))
         row, column = np.nonzero(points.mask)
-        for k in range(side**2):
-            some = np.flatnonzero((row % side == k // side) & (column % side == k % side))
-            lobe = lobe_samples(n[some], wo[some], alpha, u[k :: side**2])
+        for k in range(4):
+            some = np.flatnonzero((row % 2 == k // 2) & (column % 2 == k % 2))
+            lobe = lobe_samples(n[some], wo[some], alpha, u[k::4])
             wi[:, some], pdf[some], weight[some], grazing[some], _ = lobe
         rays, starts = np.moveaxis(wi, 0, -1).reshape(-1, 3), np.repeat(self.off(points), each, axis=0)
-        of_map = _looked_up(pyramid, rays, lobe_lod(pdf, LOBE_RAYS, pyramid).ravel())
+        of_map = _looked_up(pyramid, rays, lobe_lod(pdf, len(u), pyramid).ravel())
         more = np.zeros_like(of_map)
         below, seen = self._ground_along(starts, rays)
         more[below] = seen - _looked_up(pyramid, rays[below], np.zeros(below.sum()))
@@ -307,13 +311,14 @@ class Surroundings:
         hidden, sent = np.zeros(len(rays), bool), np.zeros(rays.shape)
         for body in (self.real, self.own):  # the latter is the nearer
             if body is not None:
-                faces = first_faces(body, starts, rays)
-                met = faces >= 0
                 if body is self.own:  # a face seen from behind is the one that the ray left, in a cell next to it
-                    met &= (self.normals[faces] * rays).sum(axis=1) < 0
+                    faces = first_faces(body, starts, rays)
+                    met = (faces >= 0) & ((self.normals[faces] * rays).sum(axis=1) < 0)
                     sent[met] = self._sent(faces[met], rays[met], pyramid)
                 else:
-                    sent[met] = self.real_colors[faces[met]]
+                    faces, weights = first_hits(self.beside, body, self.around_real, starts, rays)
+                    met = faces >= 0
+                    sent[met] = (self.real_colors[self.beside.faces[faces[met]]] * weights[met, :, None]).sum(axis=1)
                 hidden |= met
         return hidden, sent
 
@@ -362,9 +367,10 @@ def draw_on_ground(around: Surroundings, camera: Camera, **finer: int) -> Float[
         each = (of_bodies + mean / NEAR_RAYS) / (met + 1 / NEAR_RAYS)
         base += points.picture(hidden, size) * near.picture(reflected * each, size)
         drawn = coat
-    side = 2 if material.alpha < PATCHES[-1][0] else 1  # a wider lobe hardly resolves pixels
-    points = Points.seen(mesh, camera, side * points.mask.shape[0]) if side > 1 else points
-    kept, whole, more = (points.picture(one, size, side) for one in around.coat(points, side))
+    each = LOBE_RAYS
+    if material.alpha < PATCHES[-1][0]:  # a wider lobe hardly resolves pixels
+        points, each = Points.seen(mesh, camera, 2 * points.mask.shape[0]), LOBE_RAYS // 4
+    kept, whole, more = (points.picture(one, size, 2) for one in around.coat(points, each))
     drawn[..., :3] = base + np.maximum(drawn[..., :3] * kept / np.maximum(whole, 1e-9) + more, 0.0)
     drawn[..., :3] *= drawn[..., 3:] > 0
     return drawn

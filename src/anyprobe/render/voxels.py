@@ -26,6 +26,8 @@ MAP_SIDE, BLURRED = 256, 64
 
 FINENESS = 1.5
 """Points for a cell along a triangle's longest edge."""
+TRIES = 4
+"""Number of faces by which a ray may pass close."""
 CLEAR = 1.0
 """Distance in front of a point, in cells, from which a cell hides parallel light: nearer ones are its own surface."""
 LEAST_EXTENT = 1e-3
@@ -103,6 +105,51 @@ def first_faces(
         rays, t, last, start, along = rays[on], leave[on], last[on], start[on], along[on]
         column, border, flat, flat_step = column[on], border[on], flat[on], flat_step[on]
     return result
+
+
+def faces_around(mesh: Mesh) -> Int[np.ndarray, "F K"]:
+    """Return the faces that share a corner with each face, itself included; some more than once."""
+    corner = mesh.faces.ravel()
+    order, count = np.argsort(corner, kind="stable"), np.bincount(corner, minlength=len(mesh.positions))
+    first = np.cumsum(count) - count
+    turns = np.arange(count.max()) % np.maximum(count, 1)[:, None]
+    return (order[first[:, None] + turns] // 3)[mesh.faces].reshape(len(mesh.faces), -1)
+
+
+def first_hits(
+    mesh: Mesh,
+    voxels: Voxels,
+    around: Int[np.ndarray, "F K"],
+    origins: Float[np.ndarray, "N 3"],
+    directions: Float[np.ndarray, "N 3"],
+) -> tuple[Int[np.ndarray, " N"], Float[np.ndarray, "N 3"]]:
+    """Return the face that rays meet, -1 where none, and the weights of its corners there (Moeller and Trumbore 1997).
+
+    first_faces says where to look: of its face and those around. A ray that passes them by goes on, TRIES times.
+    """
+    corners = mesh.positions[mesh.faces]
+    found, weights, rays = np.full(len(origins), -1), np.zeros((len(origins), 3)), np.arange(len(origins))
+    for _ in range(TRIES):
+        face = first_faces(voxels, origins, directions)
+        rays, face, origins, directions = (one[face >= 0] for one in (rays, face, origins, directions))
+        near = around[face]
+        a, b, c = np.moveaxis(corners[near], 2, 0)
+        d, across, up = directions[:, None], b - a, c - a
+        side, from_a = np.cross(d, up), origins[:, None] - a
+        size = (across * side).sum(axis=-1)
+        with np.errstate(divide="ignore", invalid="ignore"):  # edge-on
+            turned = np.cross(from_a, across)
+            pairs = ((from_a, side), (d, turned), (up, turned))
+            of_b, of_c, way = ((one * of).sum(axis=-1) / size for one, of in pairs)
+        share = np.stack([1.0 - of_b - of_c, of_b, of_c], axis=-1)
+        way = np.where((share >= 0).all(axis=-1) & (way > 0), way, np.inf)
+        best = np.arange(len(rays)), way.argmin(axis=1)
+        is_met = np.isfinite(way[best])
+        found[rays[is_met]], weights[rays[is_met]] = near[best][is_met], share[best][is_met]
+        passed = ((corners[face].mean(axis=1) - origins) * directions).sum(axis=1, keepdims=True) + voxels.cell.max()
+        origins = origins + np.maximum(passed, voxels.cell.max()) * directions
+        rays, origins, directions = rays[~is_met], origins[~is_met], directions[~is_met]
+    return found, weights
 
 
 def open_shares(
