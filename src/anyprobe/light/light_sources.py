@@ -36,6 +36,8 @@ LIKELY: float = RULES["likely"]
 SAME = np.cos(np.radians(RULES["most_radius_deg"]))
 """Cosine of the angle within which a source that a network said is the one found."""
 LEAST_EDGE = float(np.cos(np.radians(RULES["least_edge_deg"])))
+LIKELY_DEG, MOST_LIKELY = 30.0, 0.99
+"""Distance from a source's direction that its probability speaks of, and the largest that is believed."""
 ERROR: dict[str, float] = RULES["error"]
 """Numbers of direction_error for a map alone; the networks state theirs."""
 
@@ -114,14 +116,14 @@ def split_dominant_light(
     return (found or (NO_SOURCE,))[0], rest
 
 
-def softened_light(radiance: Float[np.ndarray, "H 2*H 3"], kept: float) -> Float[np.ndarray, "H 2*H 3"]:
-    """Return a map whose dominant light keeps a share of its power; the rest comes from around it, by exp of the
-    cosine."""
+def softened_light(radiance: Float[np.ndarray, "H 2*H 3"], likely: float) -> Float[np.ndarray, "H 2*H 3"]:
+    """Return a map whose dominant light is spread over where it may be: a von Mises-Fisher lobe that has the share
+    likely of its power within LIKELY_DEG."""
     source, rest = split_dominant_light(radiance)
-    around = np.exp(pixel_directions(len(radiance)) @ source.direction)
+    kappa = -np.log(1.0 - min(likely, MOST_LIKELY)) / (1.0 - np.cos(np.radians(LIKELY_DEG)))
+    around = np.exp(kappa * (pixel_directions(len(radiance)) @ source.direction - 1.0))
     around /= (around * pixel_solid_angles(len(radiance))).sum()
-    spread = rest + source.power * around[..., None]
-    return (kept * radiance + (1.0 - kept) * spread).astype(np.float32)
+    return (rest + source.power * around[..., None]).astype(np.float32)
 
 
 def _taken(
