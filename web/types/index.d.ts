@@ -196,7 +196,7 @@ export declare class Light {
   readonly environment: { width: number; height: number; data: Float32Array };
   /** 64 x 128: how likely each pixel's display value is within 0.1 of the truth. */
   readonly confidence: Float32Array;
-  /** Of the photo's camera, and who says so: an option, the file, or nobody. */
+  /** Of the photo's camera, and who says so: an option, the file, the network or nobody. */
   readonly lens: { longFovDeg: number; source: "given" | "exif" | "estimated" | "default" };
   /** Its mean over the sphere. */
   readonly meanConfidence: number;
