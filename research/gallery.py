@@ -24,7 +24,7 @@ from anyprobe.files.objects import open_object
 from anyprobe.light.environment import MAP_HEIGHT, reduced, rotate
 from anyprobe.light.light_sources import find_dominant_light
 from anyprobe.relight.appearance import least_scale
-from anyprobe.relight.insert import Stage
+from anyprobe.relight.insert import Arrangement, Stage
 from anyprobe.render.spheres import diffuse
 from anyprobe.scatter.materials import Material
 from anyprobe_train.dataset.room import room
@@ -80,8 +80,10 @@ def main() -> None:
         light = estimator.from_photo(photo)
         gain = np.float32(least_scale(photo, light.radiance))
         panorama = light.panorama(MAP_ROWS, frame="camera", lit=True).radiance * gain
-        stage = Stage(photo, open_object("sphere"))
-        relit = [stage.relit(one, scene.inserted) for one in (panorama, truth)]
+        relit = []
+        for radiance, likely in ((panorama, light.dominant_light().exists), (truth, 1.0)):
+            stage = Stage(photo, open_object("sphere"), Arrangement(ground=light.ground, likely=likely))
+            relit.append(stage.relit(radiance, scene.inserted))
         path = DOCS / "gallery" / f"{scene.name.replace(', ', '_').replace(' ', '_')}.jpg"
         sheet(photo.rgb, panorama, truth, relit).save(path, quality=82, optimize=True)
         said = errors(light.radiance * gain, reduced(truth, MAP_HEIGHT))
