@@ -11,20 +11,10 @@ from typing import Any, Unpack
 import numpy as np
 
 from anyprobe.errors import InputError
+from anyprobe.estimate import refine
 from anyprobe.estimate.extract import CHROME, METAL, Extract, extract_of, extracts_of, said_of_ball
 from anyprobe.estimate.multiview import estimate_views
 from anyprobe.estimate.photo import Photo, load_photo
-from anyprobe.estimate.refine import (
-    check_hints,
-    estimate_origin,
-    exposed_fraction,
-    map_doubts,
-    predict,
-    shown_of,
-    with_background_doubt,
-    with_estimated_ground,
-    with_material,
-)
 from anyprobe.estimate.result import Light
 from anyprobe.estimate.runtime import Models, model_id
 from anyprobe.inputs.description import shown_as
@@ -143,19 +133,19 @@ class Estimator:
         photo, inputs = extract.photo, extract.inputs
         if material is not None:
             photo, inputs = replace(photo, material=material), {**inputs, "material": material_input(material)[None]}
-        check_hints(self.models, photo)
-        found = predict(self.models, photo, inputs)
-        found = with_background_doubt(found, photo, inputs)
-        found = with_estimated_ground(found, photo)
-        found = with_material(found, photo)
-        said, exposed, ball = found.said, exposed_fraction(found.said), extract.ball
+        refine.check_hints(self.models, photo)
+        found = refine.predict(self.models, photo, inputs)
+        found = refine.with_background_doubt(found, photo, inputs)
+        found = refine.with_estimated_ground(found, photo)
+        found = refine.with_material(found, photo)
+        said, exposed, ball = found.said, refine.exposed_fraction(found.said), extract.ball
         if ball is not None and said.object_material is not None and said.object_material[0] >= METAL:
             load_s = extract.load_s + time.perf_counter() - start
             unwrapped = replace(ball, plate=extract.plate, load_s=load_s)
             light = self.from_extract(unwrapped, material_named(CHROME))
             return replace(light, warnings=(*light.warnings, said_of_ball(photo.name)))
         seconds = {"load": round(extract.load_s, 4), "networks": round(time.perf_counter() - start, 4)}
-        doubts = (*found.doubts, *map_doubts(photo, said.radiance, found.ground, exposed))
+        doubts = (*found.doubts, *refine.map_doubts(photo, said.radiance, found.ground, exposed))
         return Light(
             radiance=said.radiance,
             confidence=said.confidence,
@@ -163,8 +153,8 @@ class Estimator:
             warnings=photo.warnings + doubts,
             stages={"photo": said.image} | ({} if said.irradiance is None else {"irradiance": said.irradiance}),
             camera_from_crop=said.camera_from_crop,
-            find_shown=None if said.object_normals is None else partial(shown_of, said),
-            origin=estimate_origin(photo, found, seconds, self.model_id),
+            find_shown=None if said.object_normals is None else partial(refine.shown_of, said),
+            origin=refine.estimate_origin(photo, found, seconds, self.model_id),
             seen=said.seen,
             said_error_deg=None if said.errors is None else float(said.errors[0]),
             said_sources=None if said.sources is None else said.sources[:, :4],

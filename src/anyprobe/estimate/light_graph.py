@@ -31,23 +31,9 @@ from anyprobe.masks.check import object_box
 from anyprobe.scatter.materials import MATERIAL_INPUTS, Material, material_input
 
 INPUTS = ("photo", "window", "geometry", "lens", "up", "normals", "material", "panorama", "sun", "believe")
-OUTPUTS = (
-    "radiance",
-    "confidence",
-    "sh9",
-    "sources",
-    "soft",
-    "errors",
-    "posture",
-    "field_of_view",
-    "outdoors",
-    "believed",
-    "seen",
-    "object_normals",
-    "object_material",
-    "crop",
-    "crop_frame",
-    "well_exposed",
+OUTPUTS = tuple(
+    "radiance confidence sh9 sources soft errors posture field_of_view outdoors believed seen object_normals "
+    "object_material crop crop_frame well_exposed".split()
 )
 PHOTO_SIDE, WINDOW_SIDE = (int(contract("graph")[name]) for name in ("photo_side", "window_side"))
 """Longest sides of the photo and of the window [pixels]."""

@@ -16,7 +16,7 @@ from anyprobe.estimate.extract import Extract
 from anyprobe.estimate.light_graph import SEEN_CONFIDENCE
 from anyprobe.estimate.result import Light
 from anyprobe.estimate.sidecar import Origin
-from anyprobe.estimate.surroundings import LEAST_COVER
+from anyprobe.estimate.surroundings import LEAST_COVER, GivenPanorama
 from anyprobe.light.environment import integral, rotate
 from anyprobe.light.light_sources import LightSource, draw_sources, find_sources
 from anyprobe.light.temporal import OFFSET
@@ -133,16 +133,10 @@ def estimate_views(
         panorama = extract.inputs["panorama"] if panorama is None else panorama
         if lights and panorama.any() and number < len(world_from_camera):
             turn = np.asarray(world_from_camera[0]).T @ np.asarray(world_from_camera[number])
-            extract = replace(extract, inputs={**extract.inputs, "panorama": _seen_from(panorama, turn)})
+            turned = GivenPanorama(values=panorama[0]).turned(turn.T).values[None]
+            extract = replace(extract, inputs={**extract.inputs, "panorama": turned})
         lights.append(from_extract(extract))
     return fuse_lights(lights, world_from_camera)
-
-
-def _seen_from(panorama: np.ndarray, first_from_camera: np.ndarray) -> np.ndarray:
-    """Turn the first photo's panorama [1, 64, 128, 4], as the networks are given it, into another photo's frame."""
-    found = np.maximum(rotate(panorama[0], first_from_camera.T), 0.0)
-    found[..., 3] = np.minimum(found[..., 3], 1.0)
-    return found[None].astype(np.float32)
 
 
 def fuse_lights(lights: Sequence[Light], world_from_camera: Sequence[np.ndarray] | np.ndarray) -> Light:

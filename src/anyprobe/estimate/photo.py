@@ -150,9 +150,11 @@ def load_photo(
         raise InvalidMask(error.notice.adding(why[0].text) if why else error) from error
     long_fov_deg, fov_source = _field_of_view(hints.fov_deg, pixels)
     is_whole = isinstance(around, PhotoBackground) and around.is_asked
-    exposure = () if scale else _exposure_doubts(pixels, found.mask)
+    rgb = _of_object(found.mask, pixels.rgb)
+    radiance = None if pixels.radiance is None else _of_object(found.mask, pixels.radiance)
+    exposure = () if scale else exposure_doubts(rgb, pixels.name, radiance)
     if hints.albedo is not None and np.size(hints.albedo) == 1:
-        exposure += grey_doubts(_of_object(found.mask, pixels.rgb), pixels.name)
+        exposure += grey_doubts(rgb, pixels.name)
     photo = Photo(
         rgb=pixels.rgb,
         mask=found.mask,
@@ -225,9 +227,3 @@ def _of_object(mask: np.ndarray, picture: np.ndarray) -> np.ndarray:
     """Sample EXPOSURE_PIXELS object pixels [N, C] of a picture, or a few more."""
     step = max(1, int(np.sqrt(mask.sum() / EXPOSURE_PIXELS)))
     return picture[::step, ::step][mask[::step, ::step] > 0.5]
-
-
-def _exposure_doubts(pixels: Pixels, mask: np.ndarray) -> tuple[Notice, ...]:
-    """Warn of an object that is too dark or too bright."""
-    radiance = None if pixels.radiance is None else _of_object(mask, pixels.radiance)
-    return exposure_doubts(_of_object(mask, pixels.rgb), pixels.name, radiance)

@@ -15,7 +15,7 @@ from anyprobe.core.response import response
 from anyprobe.errors import InputError
 from anyprobe.estimate.normals_hint import normals_from_outline, read_normals
 from anyprobe.inputs.hints import AUTO, NONE, PHOTO, SPHERE, NormalsSource, SurroundingsSource
-from anyprobe.light.environment import MAP_HEIGHT
+from anyprobe.light.environment import MAP_HEIGHT, rotate
 from anyprobe.maps.radiance import read_linear
 from anyprobe.pictures.headers import MAX_PIXELS
 from anyprobe.pictures.images import read_image
@@ -80,6 +80,12 @@ class GivenPanorama:
     """
 
     values: np.ndarray
+
+    def turned(self, rotation: np.ndarray) -> GivenPanorama:
+        """Return it after a turn by rotation [3, 3]; no value falls below 0, and no cover rises above 1."""
+        turned = np.maximum(rotate(self.values, rotation), 0.0)
+        turned[..., 3] = np.minimum(turned[..., 3], 1.0)
+        return GivenPanorama(values=turned.astype(np.float32))
 
 
 def asked_surroundings(asked: SurroundingsSource | None) -> PhotoBackground | GivenPanorama | None:

@@ -110,12 +110,12 @@ BLENDER = TargetFrame(
     u="0.5 - atan2(y, x) / 2 pi",
     v="acos(z) / pi",
 )
-UNITY = TargetFrame(
+UNITY = replace(
+    FRONT,
     axes=((1, 0, 0), (0, 1, 0), (0, 0, -1)),
     quarters=-1,
     text="left-handed, +X right, +Y up, +Z in front",
     u="0.5 - atan2(z, x) / 2 pi",
-    v="acos(y) / pi",
 )
 UNREAL = TargetFrame(
     axes=((0, 0, -1), (1, 0, 0), (0, 1, 0)),

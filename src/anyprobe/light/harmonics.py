@@ -20,16 +20,7 @@ import numpy as np
 from anyprobe.core import Float
 from anyprobe.core.color import luminance
 
-K = np.array(
-    [
-        np.sqrt(1 / (4 * np.pi)),
-        *[np.sqrt(3 / (4 * np.pi))] * 3,
-        *[np.sqrt(15 / (4 * np.pi))] * 2,
-        np.sqrt(5 / (16 * np.pi)),
-        np.sqrt(15 / (4 * np.pi)),
-        np.sqrt(15 / (16 * np.pi)),
-    ]
-)
+K = np.sqrt(np.array([1, 3, 3, 3, 15, 15, 5 / 4, 15, 15 / 4]) / (4 * np.pi))
 """Normalisation of each polynomial, so that the integral of Y_i Y_j dw is 1 for i = j, else 0."""
 
 COSINE_LOBE = np.array([np.pi, *[2 * np.pi / 3] * 3, *[np.pi / 4] * 5])
@@ -70,18 +61,9 @@ def project(radiance: Float[np.ndarray, "H 2*H 3"]) -> Float[np.ndarray, "9 3"]:
     # columns first, row by row: a map of thousands of rows is never copied in float64
     seen = np.stack([columns @ row for row in radiance], axis=1)  # [6, H, 3], by functions of p
     one, sine, cosine, sine2, cosine2, mixed = rows @ seen  # [6, 3] each, by functions of t
-    parts = [
-        one[0],
-        one[1],
-        -cosine[2],
-        sine[2],
-        sine[3],
-        -cosine[3],
-        3 * cosine2[4] - one[0],
-        -mixed[4],
-        sine2[4] - one[5],
-    ]
-    return (np.stack(parts) * K[:, None]).astype(np.float32)
+    linear = [one[0], one[1], -cosine[2], sine[2]]
+    quadratic = [sine[3], -cosine[3], 3 * cosine2[4] - one[0], -mixed[4], sine2[4] - one[5]]
+    return (np.stack([*linear, *quadratic]) * K[:, None]).astype(np.float32)
 
 
 def directionality(coefficients: Float[np.ndarray, "9 3"]) -> float:

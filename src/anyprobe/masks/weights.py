@@ -153,9 +153,6 @@ def _checked(path: Path, source: str) -> Weights:
             source=path,
         ) from error
     if found != SHA256:
-        raise ModelError(
-            f"expected U2-Net-p of SHA-256 {SHA256[:12]}..., got {found[:12]}...; remove it",
-            source=path,
-            remedy=GET_WEIGHTS,
-        )
+        text = f"expected U2-Net-p of SHA-256 {SHA256[:12]}..., got {found[:12]}...; remove it"
+        raise ModelError(text, source=path, remedy=GET_WEIGHTS)
     return Weights(path=path, source=source)

@@ -25,17 +25,8 @@ from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_solid_angles
 from anyprobe.core.response import CLIPPED, inverse_response
 from anyprobe.light.environment import reduced
 from anyprobe.light.filtering import blur_cosine_power, irradiance_map
-from anyprobe.match.background import (
-    CLIPPED_WEIGHT,
-    FAINT_SEEN,
-    YAWS,
-    Background,
-    map_from_camera_at,
-    mean_squares,
-    nearest_pixels,
-    seen_along,
-    seen_at_yaws,
-)
+from anyprobe.match import background
+from anyprobe.match.background import CLIPPED_WEIGHT, FAINT_SEEN, YAWS, Background, map_from_camera_at, mean_squares
 from anyprobe.paper.equations import schlick_weight
 from anyprobe.render.surface import pixel_rays
 
@@ -229,12 +220,12 @@ def _search(shown: Shown, matt: np.ndarray, coats: list[np.ndarray], pitch_deg: 
     few = slice(None, PIXELS)
     n, wo = (vectors[few] @ map_from_camera_at(0.0, pitch_deg).T for vectors in (shown.n, shown.wo))
     coat = schlick_coat(n, wo).astype(np.float32)
-    at_n, at_r = (nearest_pixels(d, MATCH_ROWS) for d in (n, reflect(wo, n)))
+    at_n, at_r = (background.nearest_pixels(d, MATCH_ROWS) for d in (n, reflect(wo, n)))
     measured = _Measured(shown, few)
-    e = seen_at_yaws(matt, at_n)
+    e = background.seen_at_yaws(matt, at_n)
     cost = []
     for blurred in coats:
-        s = seen_at_yaws(blurred, at_r)
+        s = background.seen_at_yaws(blurred, at_r)
         cost += [measured.misfit(e, s * coat), measured.misfit(None, s)]
     return np.stack(cost).reshape(len(cost), len(matt), YAWS)
 
@@ -266,11 +257,12 @@ def _compared(
             for part in np.array_split(which, max(1, len(which) // 256)) if len(which) else ():
                 along = dot(shown.n, shown.wo) * shown.wo
                 n = normalize(along + factor * (shown.n - along))  # its component across the line of sight scaled
-                s = seen_along(coats[number // 2], index[part], reflect(shown.wo, n) @ turns[part].transpose(0, 2, 1))
+                turn = turns[part].transpose(0, 2, 1)
+                s = background.seen_along(coats[number // 2], index[part], reflect(shown.wo, n) @ turn)
                 if number % 2:
                     cost = measured.misfit(None, s)
                 else:
-                    e = seen_along(matt, index[part], n @ turns[part].transpose(0, 2, 1))
+                    e = background.seen_along(matt, index[part], n @ turn)
                     cost = measured.misfit(e, s * schlick_coat(n, shown.wo))
                 better = cost < best[part]
                 best[part[better]], found[part[better]] = cost[better], factor

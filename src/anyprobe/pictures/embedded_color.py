@@ -17,15 +17,8 @@ import numpy as np
 from PIL import ExifTags, Image, ImageCms
 
 from anyprobe.maps.image_io import open_image
-from anyprobe.pictures.color_encoding import (
-    ADOBE_RGB,
-    ColorEncoding,
-    by_code_points,
-    by_numbers,
-    gamma,
-    is_srgb,
-    to_display,
-)
+from anyprobe.pictures import color_encoding
+from anyprobe.pictures.color_encoding import ColorEncoding, by_code_points, by_numbers, is_srgb
 from anyprobe.pictures.deep_pixels import HEAD_BYTES
 from anyprobe.pictures.file_parts import iso_boxes
 from anyprobe.pictures.headers import exif_of
@@ -73,22 +66,6 @@ def encoding_of(profile: bytes) -> ColorEncoding | None:
     return ColorEncoding(matrix=matrix, decode=decode)
 
 
-def converted(image: Image.Image, profile: bytes) -> Image.Image:
-    """Convert a picture of 8 bits (L, RGB or CMYK) to sRGB by LittleCMS.
-
-    Raises:
-        ValueError: the profile is damaged, or for another colour model.
-    """
-    try:
-        embedded = ImageCms.ImageCmsProfile(io.BytesIO(profile))
-        srgb, intent = ImageCms.createProfile("sRGB"), ImageCms.Intent.RELATIVE_COLORIMETRIC
-        done = ImageCms.profileToProfile(image, embedded, srgb, renderingIntent=intent, outputMode="RGB")
-    except (ImageCms.PyCMSError, OSError, ValueError) as error:
-        raise ValueError(" ".join(str(error).split())) from error
-    assert done is not None
-    return done
-
-
 def _tags(profile: bytes) -> dict[str, bytes]:
     """Return a profile's tags by signature; struct.error or ValueError if it is not a profile."""
     if profile[36:40] != b"acsp":
@@ -115,7 +92,7 @@ def _curve(tag: bytes) -> Curve:
         return lambda values: values
     if count == 1:
         (exponent,) = struct.unpack_from(">H", tag, 12)
-        return gamma(exponent / 256.0)
+        return color_encoding.gamma(exponent / 256.0)
     if count > MAX_POINTS:
         raise ValueError("a curve too long")
     points = np.frombuffer(tag, ">u2", count, 12).astype(np.float32) / 65535.0
@@ -173,7 +150,7 @@ def declared_encoding(
         return _by_gamma(image), b"", ()
     if image.format in ("JPEG", "MPO", "TIFF"):
         if str(exif_of(image, ExifTags.IFD.Interop).get(INTEROPERABILITY, ""))[:3] == R03:
-            return by_numbers(ADOBE_RGB, ADOBE_GAMMA), b"", ()
+            return by_numbers(color_encoding.ADOBE_RGB, ADOBE_GAMMA), b"", ()
     return None, b"", ()
 
 
@@ -199,7 +176,7 @@ def to_srgb(
     values = _plain(picture)
     if encoding is None or is_srgb(encoding):
         return values, None, ()
-    return *to_display(values, encoding), ()
+    return *color_encoding.to_display(values, encoding), ()
 
 
 UNFIT = "its colour profile is damaged or for another colour model; read as sRGB"
@@ -213,12 +190,15 @@ def _plain(picture: Image.Image | np.ndarray) -> np.ndarray:
 
 
 def _by_table(picture: Image.Image | np.ndarray, profile: bytes) -> tuple[np.ndarray, None, tuple[str, ...]]:
-    """Convert by LittleCMS, with 8 bits."""
+    """Convert by LittleCMS, with 8 bits; unconverted, with UNFIT, where the profile is damaged or for another model."""
     if not isinstance(picture, Image.Image):
         scaled = picture * 255.0 if picture.dtype.kind == "f" else picture / 257.0
         picture = Image.fromarray(np.clip(np.round(scaled), 0, 255).astype(np.uint8))
-    with suppress(ValueError):
-        return np.asarray(converted(picture, profile)), None, ()
+    with suppress(ImageCms.PyCMSError, OSError, ValueError):
+        embedded = ImageCms.ImageCmsProfile(io.BytesIO(profile))
+        srgb, intent = ImageCms.createProfile("sRGB"), ImageCms.Intent.RELATIVE_COLORIMETRIC
+        done = ImageCms.profileToProfile(picture, embedded, srgb, renderingIntent=intent, outputMode="RGB")
+        return np.asarray(done), None, ()
     return _plain(picture), None, (UNFIT,)
 
 

@@ -22,32 +22,12 @@ from anyprobe.files.paths import open_regular
 from anyprobe.maps.exr import EXR_MAGIC, exr_attributes, read_exr
 from anyprobe.maps.radiance import ATTRIBUTE, HDR_HEADER_BYTES, HDR_MAGIC, decode_hdr, read_comments
 from anyprobe.notices import Notice
+from anyprobe.pictures import deep_pixels, headers
 from anyprobe.pictures.color_encoding import is_linear
-from anyprobe.pictures.deep_pixels import (
-    HEAD_BYTES,
-    TIFF_STARTS,
-    DeepPicture,
-    develop,
-    heif_sixteen_bits,
-    is_raw,
-    read_deep,
-    read_sixteen_bits,
-    straight,
-    turned_upright,
-)
+from anyprobe.pictures.deep_pixels import DeepPicture, straight, turned_upright
 from anyprobe.pictures.embedded_color import declared_encoding, encoding_of, to_srgb
 from anyprobe.pictures.gain_map import UNREAD, gain_map_of, misses_gain_map
-from anyprobe.pictures.headers import (
-    MAX_PIXELS,
-    UnknownPicture,
-    apple_posture_deg,
-    check_size,
-    exif_exposure,
-    exif_fov_deg,
-    kind_of,
-    open_picture,
-    orientation_of,
-)
+from anyprobe.pictures.headers import UnknownPicture, check_size, exif_exposure, exif_fov_deg, open_picture
 
 ImageSource = str | os.PathLike[str] | bytes | Image.Image | np.ndarray
 
@@ -143,23 +123,23 @@ def _from_stream(stream: BinaryIO, num_bytes: int, name: str, as_data: bool, fil
     head = stream.read(64)
     if not head:
         raise InvalidPhoto("expected an image, got an empty file; copy or save it again", source=name)
-    if head.startswith(TIFF_STARTS):
-        head += stream.read(HEAD_BYTES)
+    if head.startswith(deep_pixels.TIFF_STARTS):
+        head += stream.read(deep_pixels.HEAD_BYTES)
     stream.seek(0)
     if head.startswith(EXR_MAGIC):
         data = stream.read(num_bytes)
         _refuse_own_map(exr_attributes(data, ATTRIBUTE), name, as_data)
-        return _from_linear(read_exr(data, name, InvalidPhoto, MAX_PIXELS, rec709=True), name)
+        return _from_linear(read_exr(data, name, InvalidPhoto, headers.MAX_PIXELS, rec709=True), name)
     if head.startswith(HDR_MAGIC):
         data = stream.read(num_bytes)
         _refuse_own_map(read_comments(data[:HDR_HEADER_BYTES], ATTRIBUTE), name, as_data)
         try:
-            return _from_linear(decode_hdr(data, name, MAX_PIXELS), name)
+            return _from_linear(decode_hdr(data, name, headers.MAX_PIXELS), name)
         except InvalidEnvironment as error:
             raise InvalidPhoto(error, code="invalid-image") from error
-    if is_raw(head, file_name):
+    if deep_pixels.is_raw(head, file_name):
         return _from_raw(stream, num_bytes, name)
-    deep = read_deep(stream, head, name)
+    deep = deep_pixels.read_deep(stream, head, name)
     if deep is not None and deep.values.dtype.kind == "f":
         return _from_floats(deep, name, as_data)
     try:
@@ -168,7 +148,7 @@ def _from_stream(stream: BinaryIO, num_bytes: int, name: str, as_data: bool, fil
         if deep is not None:
             return _from_pillow(deep.header(), name, stream, as_data, deep)
         expected = "expected an image (JPEG, PNG, WebP, TIFF, HEIC, AVIF, EXR, RAW, ...), got"
-        kind, remedy = kind_of(head, num_bytes)
+        kind, remedy = headers.kind_of(head, num_bytes)
         raise InvalidPhoto(f"{expected} {kind}", source=name, remedy=remedy) from error
     with image:
         return _from_pillow(image, name, stream, as_data, deep)
@@ -201,13 +181,13 @@ def _from_pillow(
         if found is not None:
             deep = straight(found.values) if found.premultiplied and found.values.shape[2] in (2, 4) else found.values
         elif stream is not None:
-            deep = read_sixteen_bits(image, stream, name)
+            deep = deep_pixels.read_sixteen_bits(image, stream, name)
             if encoding is not None and encoding.is_hdr and image.format == "HEIF":
-                deep = heif_sixteen_bits(stream)
+                deep = deep_pixels.heif_sixteen_bits(stream)
         if deep is None:
             image.load()
-        long_fov_deg, exposure, posture_deg = exif_fov_deg(image), exif_exposure(image), apple_posture_deg(image)
-        orientation = orientation_of(image)
+        long_fov_deg, exposure = exif_fov_deg(image), exif_exposure(image)
+        orientation, posture_deg = headers.orientation_of(image), headers.apple_posture_deg(image)
         if deep is not None:
             alpha = deep[..., -1] if deep.shape[2] in (2, 4) else None
             picture = np.ascontiguousarray(deep[..., 0] if deep.shape[2] < 3 else deep[..., :3])
@@ -270,7 +250,7 @@ def _opaque(image: Image.Image) -> tuple[Image.Image | np.ndarray, np.ndarray | 
 
 
 def _from_raw(stream: BinaryIO, num_bytes: int, name: str) -> Pixels:
-    radiance, notes = develop(stream.read(num_bytes), name)
+    radiance, notes = deep_pixels.develop(stream.read(num_bytes), name)
     stream.seek(0)
     warnings = tuple(Notice(note, code="raw", source=name) for note in notes)
     pixels = replace(_from_linear(radiance, name), warnings=warnings, radiance=None)  # the sensor clips at white
@@ -286,7 +266,7 @@ def _with_exif(pixels: Pixels, image: Image.Image) -> Pixels:
 def _from_floats(found: DeepPicture, name: str, as_data: bool) -> Pixels:
     """Convert floats: linear radiance unless their profile has a curve; values above 1 are above white."""
     header = found.header()
-    values, channels = turned_upright(found.values, orientation_of(header)), found.values.shape[2]
+    values, channels = turned_upright(found.values, headers.orientation_of(header)), found.values.shape[2]
     alpha = values[..., -1:] if channels in (2, 4) else values[..., :0]
     color = np.repeat(values[..., :1], 3, axis=-1) if channels < 3 else values[..., :3]
     encoding = encoding_of(found.profile) if found.profile else None

@@ -60,6 +60,14 @@ class ObjectWindow:
         bottom, right = self.top + self.size, self.left + self.size
         return slice(max(self.top, 0), min(bottom, height)), slice(max(self.left, 0), min(right, width))
 
+    def shown(self, drawn: np.ndarray, mask: np.ndarray, behind: bool) -> tuple[Part, np.ndarray, np.ndarray]:
+        """Return what a photo shows of an object drawn in the window [S, S, 4]: its part of the photo, radiance [R, C,
+        3], coverage [R, C, 1]; mask: [H, W], that of the real object, which occludes it if it is behind."""
+        height, width = mask.shape
+        shown = self.part(height, width)
+        drawn = drawn[within(shown, (slice(self.top, height), slice(self.left, width)))]
+        return shown, drawn[..., :3], drawn[..., 3:] * (1.0 - mask[shown][..., None] if behind else 1.0)
+
 
 def window_of(placement: Placement, view: View) -> ObjectWindow | None:
     """Return the smallest square of whole pixels around the visible part of the object; None if nothing is visible."""
@@ -148,16 +156,11 @@ def lay_object_over(
         behind: whether the real object occludes it.
         look: the photo's, whose grain it gets; None: no grain.
     """
-    height, width = photo.mask.shape
-    shown = window.part(height, width)
-    drawn = drawn[within(shown, (slice(window.top, height), slice(window.left, width)))]
-    coverage = drawn[..., 3:]
-    if behind:
-        coverage = coverage * (1.0 - photo.mask[shown][..., None])
+    shown, color, coverage = window.shown(drawn, photo.mask, behind)
     under = picture[within(shown, part)]
     on = (coverage > 0)[..., 0]
     covered, behind_it = coverage[on], inverse_response(under[on])
-    mixed = response(behind_it + covered * (drawn[on][:, :3] - behind_it))
+    mixed = response(behind_it + covered * (color[on] - behind_it))
     if look is not None and look.grain > 0:
         mixed = np.clip(mixed + covered * grain_over(on.shape, look, photo)[on], 0.0, 1.0)
     under[on] = mixed

@@ -10,7 +10,7 @@ from anyprobe.core.color import COLORSPACES, from_rec709
 from anyprobe.files.atomic import atomic_path
 from anyprobe.maps.exr import write_channels
 from anyprobe.maps.radiance import HALF_MAX
-from anyprobe.relight.insert import Stage, mean_radiance, transmittance, within
+from anyprobe.relight.insert import Stage, mean_radiance, transmittance
 from anyprobe.relight.shadow import GroundShadow
 from anyprobe.scatter.materials import Material
 
@@ -38,17 +38,12 @@ class Passes:
 
 def passes_of(stage: Stage, radiance: np.ndarray, material: str | Material) -> Passes:
     """Render the passes of stage.relit with the same arguments."""
-    photo, spot, window = stage.photo, stage.placement, stage.window
+    photo, spot = stage.photo, stage.placement
     drawn = stage.draw(radiance, material)
     shadow = stage.shadow(radiance).with_light(mean_radiance(drawn))
-    height, width = photo.mask.shape
-    shown = window.part(height, width)
-    drawn = drawn[within(shown, (slice(window.top, height), slice(window.left, width)))]
-    coverage = drawn[..., 3:]
-    if stage.is_behind():
-        coverage = coverage * (1.0 - photo.mask[shown][..., None])
-    premultiplied = np.zeros((height, width, 4), np.float32)
-    premultiplied[shown] = np.concatenate([drawn[..., :3] * coverage, coverage], axis=-1)
+    shown, color, coverage = stage.window.shown(drawn, photo.mask, stage.is_behind())
+    premultiplied = np.zeros((*photo.mask.shape, 4), np.float32)
+    premultiplied[shown] = np.concatenate([color * coverage, coverage], axis=-1)
     even_light = np.ones((EVEN_ROWS, 2 * EVEN_ROWS, 3), np.float32)
     even = GroundShadow(spot.mesh, spot.foot, spot.radius, stage.view.up, even_light)
     plate, occlusion = photo.linear(...).astype(np.float32), _multiplier(stage, even)[..., 0]

@@ -177,13 +177,8 @@ async def photos_sent(form: Any) -> tuple[list[Shot], np.ndarray | None]:
     if form.poses is None:
         return shots, None
     poses = form.poses.encode() if isinstance(form.poses, str) else await form.poses.read()
-    return await asyncio.to_thread(_posed, shots, poses)
-
-
-def _posed(shots: list[Shot], poses: bytes) -> tuple[list[Shot], np.ndarray | None]:
-    """Open photos with the poses of a file's bytes."""
     try:
-        return session.open(shots, parse_poses(poses, "poses"))
+        return await asyncio.to_thread(lambda: session.open(shots, parse_poses(poses, "poses")))
     except InputError as error:
         raise InputError(error, subject="poses") from error
 

@@ -12,9 +12,9 @@ import numpy as np
 
 from anyprobe.errors import InputError, InvalidMask
 from anyprobe.estimate.photo import Photo, load_photo
-from anyprobe.estimate.surroundings import GivenPanorama, SurroundingsSource, read_panorama
+from anyprobe.estimate.surroundings import GivenPanorama, SurroundingsSource, asked_surroundings
 from anyprobe.files.paths import visible_files
-from anyprobe.inputs.hints import AUTO, NONE, PHOTO
+from anyprobe.inputs.hints import AUTO, NONE
 from anyprobe.masks.check import object_box
 from anyprobe.masks.networks import Network, load_network, shared_network
 from anyprobe.masks.search import MARGIN, Looks, Prompts, choose
@@ -72,12 +72,9 @@ class MaskFollower:
         named = hints.get("segmenter")
         self.segmenter: Network | None = load_network(named) if isinstance(named, str) else named
         self.hints = hints
-        self._panorama: np.ndarray | None = None  # [64, 128, 4 or 5], see estimate.surroundings
-        word = NONE
-        if surroundings is None or (isinstance(surroundings, str) and surroundings in (AUTO, PHOTO, NONE)):
-            word = surroundings or AUTO
-        else:
-            self._panorama = read_panorama(surroundings)
+        around = asked_surroundings(surroundings)
+        self._panorama = around if isinstance(around, GivenPanorama) else None
+        word = NONE if self._panorama is not None else surroundings or AUTO
         self._every = {**every_frame, "surroundings": word}
         self.last: list[float] | None = None
         self.held: Held | None = None
@@ -99,7 +96,7 @@ class MaskFollower:
         """Return digests of the contents of files and surroundings, whatever their paths."""
         surroundings = self._every["surroundings"]
         if self._panorama is not None:
-            surroundings = digest_of([self._panorama.tobytes()])
+            surroundings = digest_of([self._panorama.values.tobytes()])
         files = {kind: digest_of(_bytes_of(path) for path in paths) for kind, paths in self._files.items()}
         return {"files": files, "surroundings": surroundings}
 
@@ -112,7 +109,7 @@ class MaskFollower:
         self._is_seen = False
         photo = self._marked(frame)
         self._is_seen = True
-        return photo if self._panorama is None else replace(photo, surroundings=GivenPanorama(values=self._panorama))
+        return photo if self._panorama is None else replace(photo, surroundings=self._panorama)
 
     def _marked(self, frame: Frame) -> Photo:
         name = f"frame {frame.index}"

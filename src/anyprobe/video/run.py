@@ -120,8 +120,8 @@ class ClipRun:
     ) -> Outcome:
         """Process frames one by one while a thread reads the next one and finds its mask, and another draws lights."""
         done = self.progress
-        pictures: list[tuple[float, np.ndarray]] = []
-        previews: list[tuple[float, Future[np.ndarray]]] = []
+        self._pictures: list[tuple[float, np.ndarray]] = []  # since the last save
+        self._previews: list[tuple[float, Future[np.ndarray]]] = []
         size, frame, notes = (0, 0), None, []
         save_every = -(-SAVE_EVERY // self.every) * self.every  # the first frame after a resume gets a light
         coming: Future[tuple[Frame, _Look | None] | None] = beside.submit(self._read, frames, False)
@@ -144,16 +144,15 @@ class ClipRun:
                 self.follower.go_on(done.last)
             done.frames.append(self._one(frame, look))
             if self.virtual is not None:
-                pictures.append((frame.time_s, self._picture(frame)))
-            previews.append((frame.time_s, self._light_picture(frame, beside)))
+                self._pictures.append((frame.time_s, self._picture(frame)))
+            self._previews.append((frame.time_s, self._light_picture(frame, beside)))
             watch(frame.index + 1)
             if will_save:
-                self._save(frame.index + 1, pictures, previews)
-                pictures, previews = [], []
+                self._save(frame.index + 1)
         if frame is None:
             raise InputError("no frame of it can be decoded; convert it to mp4", source=self.clip.path)
         if frame.index + 1 > done.next_index:
-            self._save(frame.index + 1, pictures, previews)
+            self._save(frame.index + 1)
         if done.light is None:
             shutil.rmtree(self.folder / PIECES, ignore_errors=True)
             forget_progress(self.folder)
@@ -237,9 +236,7 @@ class ClipRun:
             return self.estimator.from_photo(photo, material=self.material, plate=False)
         done, pose = self.progress, self.poses[index]
         if isinstance(photo.surroundings, GivenPanorama):
-            values = photo.surroundings.values
-            turned = np.minimum(np.maximum(rotate(values, pose.T @ self.poses[0]), 0.0), [*[np.inf] * 3, 1.0])
-            photo = replace(photo, surroundings=GivenPanorama(values=turned.astype(np.float32)))
+            photo = replace(photo, surroundings=photo.surroundings.turned(pose.T @ self.poses[0]))
         light = self.estimator.from_photo(photo, material=self.material, plate=False)
         if light.seen is None or not photo.shows_place:
             return light
@@ -293,18 +290,15 @@ class ClipRun:
         light = self._preview
         return beside.submit(lambda: beside_frame(frame.rgb, light.result()))
 
-    def _save(
-        self,
-        next_index: int,
-        pictures: list[tuple[float, np.ndarray]],
-        previews: list[tuple[float, Future[np.ndarray]]],
-    ) -> None:
+    def _save(self, next_index: int) -> None:
         done = self.progress
-        if pictures:
-            write_piece(self._piece(done.pieces), pictures)
-        if previews:
-            write_piece(self._piece(done.pieces, LIGHT), [(time_s, drawn.result()) for time_s, drawn in previews])
+        if self._pictures:
+            write_piece(self._piece(done.pieces), self._pictures)
+        if self._previews:
+            lights = [(time_s, drawn.result()) for time_s, drawn in self._previews]
+            write_piece(self._piece(done.pieces, LIGHT), lights)
             done.pieces += 1
+        self._pictures, self._previews = [], []
         done.next_index = next_index
         done.last = self.follower.last
         save_progress(self.folder, done)
