@@ -316,6 +316,7 @@ class Surroundings:
                     met = (faces >= 0) & ((self.normals[faces] * rays).sum(axis=1) < 0)
                     sent[met] = self._sent(faces[met], rays[met], pyramid)
                 else:
+                    assert self.beside is not None
                     faces, weights = first_hits(self.beside, body, self.around_real, starts, rays)
                     met = faces >= 0
                     sent[met] = (self.real_colors[self.beside.faces[faces[met]]] * weights[met, :, None]).sum(axis=1)
