@@ -105,6 +105,7 @@ def test_the_object_stands_where_it_stood_after_an_end(tmp_path, estimator, monk
 
         assert one(watch).bad[0][0] == 0
         assert one.progress.stage_index == 1
+        assert one._stage.likely == one.progress.likely < 1
         return [(tmp_path / folder / name).read_bytes() for name in ("track.json", "relit.mp4")]
 
     whole = run("whole")

@@ -219,7 +219,7 @@ class ClipRun:
             done.gain = 1.0 if self.material is not None else least_scale(self._photo, steady)
         if self.virtual is not None and self._stage is None:
             done.ground = None if light.ground is None else light.ground.info()
-            done.long_fov_deg = light.origin.long_fov_deg
+            done.long_fov_deg, done.likely = light.origin.long_fov_deg, light.dominant_light().exists
             done.toward_light = find_dominant_light(steady).direction.tolist()
             self._stage = _set_up(self._photo, self.virtual, done)
             done.stage_index, done.stage_last = frame.index, before
@@ -314,4 +314,4 @@ def _set_up(photo: Photo, virtual: VirtualObject, done: Progress) -> Stage:
     """Return the place of the virtual object in all frames, from the first with a mask and its light's ground."""
     toward = None if done.toward_light is None else np.array(done.toward_light)
     seen = replace(virtual.arrangement, ground=Ground.of(done.ground), long_fov_deg=done.long_fov_deg)
-    return Stage(photo, virtual.mesh, replace(seen, toward_light=toward))
+    return Stage(photo, virtual.mesh, replace(seen, toward_light=toward, likely=done.likely))

@@ -46,7 +46,7 @@ class Progress:
     pieces: number written of light.mp4, and of relit.mp4.
     stage_index: the frame that the virtual object was placed in. stage_last: as it was before that frame, by
     which its mask is found again. ground, long_fov_deg: of that frame's light, Ground.info and the lens; toward_light:
-    its dominant direction.
+    its dominant direction; likely: how likely it shines from there.
     material: the object's, as plain numbers.
     gain: of the relit clip's light, see relight.appearance.least_scale.
     preview_ev: exposure of the spheres in light.mp4, by the first light; None before it.
@@ -67,6 +67,7 @@ class Progress:
     toward_light: list[float] | None = None
     ground: dict | None = None
     long_fov_deg: float | None = None
+    likely: float = 1.0
     material: dict | None = None
     gain: float = 1.0
     preview_ev: float | None = None
