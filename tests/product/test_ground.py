@@ -7,7 +7,7 @@ import pytest
 from support.refused import refused
 
 from anyprobe.core.frames import rotation_x, rotation_z
-from anyprobe.estimate.ground import LEAST_SLOPE_DEG, estimate_ground, up_of
+from anyprobe.estimate.ground import LEAST_SLOPE_DEG, Ground, estimate_ground, up_of
 from anyprobe.estimate.photo import load_photo
 
 
@@ -45,3 +45,8 @@ def test_a_pitch_that_no_camera_over_a_ground_has_is_refused(photo):
         estimate_ground(photo, pitch_deg=120.0)
     with refused("roll_deg"):
         estimate_ground(photo, roll_deg=90.0)
+
+
+def test_a_ground_that_says_the_lens_as_older_ones_did_is_read(photo):
+    ground = estimate_ground(photo, pitch_deg=20.0)
+    assert Ground.of(ground.info() | {"long_fov_deg": 50.0}) == Ground.of(ground.info())

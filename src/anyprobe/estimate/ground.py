@@ -6,7 +6,7 @@ refine.with_estimated_ground puts what the network sees in its place.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -86,14 +86,14 @@ class Ground:
         """Restore the ground from `info`; None for None.
 
         Raises:
-            KeyError, TypeError: fields are missing, or what should be numbers is none.
+            KeyError, TypeError: other fields, or what should be numbers is none.
         """
         if info is None:
             return None
         numbers = (info["pitch_deg"], info["pitch_error_deg"], info["roll_deg"], *info["contact"])
         if not all(isinstance(one, int | float) for one in numbers):
             raise TypeError(f"expected numbers, got {numbers}")
-        known = {one.name: info[one.name] for one in fields(Ground) if one.name in info}
+        known = {name: value for name, value in info.items() if name != "long_fov_deg"}  # of older files
         return Ground(**{**known, "contact": tuple(info["contact"])})
 
     @property
