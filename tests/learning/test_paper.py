@@ -221,14 +221,22 @@ def test_the_exported_chain_estimates_as_torch_does(runs, tmp_path, monkeypatch)
         made = estimate_light(torch.from_numpy(said.image.transpose(2, 0, 1).copy())[None], *nets)
     radiance = rotate(made.radiance[0].permute(1, 2, 0).numpy(), said.camera_from_crop)
     assert np.abs(response(said.radiance) - response(radiance)).max() < 0.02
-    monkeypatch.setattr(shipped, "weights_folder", lambda model: tmp_path / "graphs")
+    for module in (shipped, graphs):
+        monkeypatch.setattr(module, "weights_folder", lambda model: tmp_path / "graphs")
     for name, picture, expected in (("ours", torch.rand(2, 4, 128, 128), nets[1]), ("hdr_net", made.ldr, nets[2])):
         taken = load_net(setting, tmp_path / "empty", name)  # what ships stands in where nothing is trained
         with torch.no_grad():
             torch.testing.assert_close(taken(picture), expected(picture), atol=0.02, rtol=0.02)
+    assert load_net(replace(setting, share=0.5), tmp_path / "empty", "ours").step == 3
     with pytest.raises(InputError, match="expected ours to be trained"):
-        load_net(replace(setting, share=0.5), tmp_path / "empty", "ours")
+        load_net(replace(setting, code=8), tmp_path / "empty", "ours")
     card = (tmp_path / "graphs" / "README.md").read_text()
+    (tmp_path / "again").mkdir()
+    checkpoint_of(tmp_path / "runs", "hdr_net").unlink()  # another run's, or none
+    export_chain(tmp_path / "runs", setting, tmp_path / "again")
+    hdr = [(tmp_path / folder / "hdr.onnx").read_bytes() for folder in ("graphs", "again")]
+    assert hdr[0] == hdr[1]
+    assert (tmp_path / "again" / "README.md").read_text().replace("again-", "graphs-") == card
     run = Run(runs=tmp_path / "empty", setting=setting, data=None)
     assert run.chain(torch.rand(1, 4, 128, 128)).ldr.shape == (1, 3, 64, 128)
     assert run.notes["hdr_net"] == "hdr_net at step 3 of 77,000"

@@ -1,6 +1,7 @@
 """Export of the trained chain: three ONNX graphs with weights of eight bits, and their model card."""
 
 import json
+import shutil
 from dataclasses import asdict
 from pathlib import Path
 
@@ -10,11 +11,10 @@ from torch.nn import functional as F
 from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import CONTRACT, PHOTO_SIZE, model_id, weights_folder
 from anyprobe.files.atomic import atomic_path
-from anyprobe_train.paper.networks import in_chain
-from anyprobe_train.paper.pieces import piece_named, steps_of
+from anyprobe_train.paper.pieces import network_of, piece_named, steps_of
 from anyprobe_train.paper.settings import SETTINGS, Setting
-from anyprobe_train.paper.shipped import PIECE_OF
-from anyprobe_train.paper.training import checkpoint_of, load_net, log_of, stored
+from anyprobe_train.paper.shipped import PIECE_OF, ShippedNet
+from anyprobe_train.paper.training import checkpoint_of, log_of, net_in_chain, stored
 from anyprobe_train.train.export_onnx import FLOATS, write_graph
 
 TOLERANCE = 0.02
@@ -28,14 +28,18 @@ def export_chain(runs: Path, setting: Setting, folder: Path) -> dict[str, float]
         InputError: the folder is the package's, and the networks are not what estimates take, not trained to their end,
             or changed since they were scored.
     """
-    steps = {
-        stage: (stored(runs, name)["step"], steps_of(piece_named(name), setting)) for stage, name in PIECE_OF.items()
-    }
+    nets = {stage: net_in_chain(setting, runs, name) for stage, name in PIECE_OF.items()}
+    trained = {stage: name for stage, name in PIECE_OF.items() if not isinstance(nets[stage][0], ShippedNet)}
+    steps = {stage: (nets[stage][1], steps_of(piece_named(name), setting)) for stage, name in PIECE_OF.items()}
     table = runs / "table_1.md"
     if folder.resolve() == weights_folder("paper").resolve():
         faults = [] if setting.side == PHOTO_SIZE else [f"photos of {setting.side} pixels"]
-        faults += [f"{PIECE_OF[stage]} at step {step} of {end}" for stage, (step, end) in steps.items() if step < end]
-        last = max(checkpoint_of(runs, name).stat().st_mtime for name in PIECE_OF.values())
+        faults += [
+            f"{PIECE_OF[stage]} at step {step} of {end}"
+            for stage, (step, end) in steps.items()
+            if stage in trained and step < end
+        ]
+        last = max((checkpoint_of(runs, name).stat().st_mtime for name in trained.values()), default=0.0)
         if not table.is_file() or table.stat().st_mtime < last:
             faults.append("no table_1.md of them; write it with --table")
         if faults:
@@ -43,9 +47,11 @@ def export_chain(runs: Path, setting: Setting, folder: Path) -> dict[str, float]
                 f"expected networks for photos of {PHOTO_SIZE} pixels, trained to their end and scored, got {faults[0]}"
             )
             raise InputError(text, source=runs)
-    differences, sizes = {}, {}
-    for stage, name in PIECE_OF.items():
-        net = load_net(setting, runs, name)
+    differences = {}
+    for stage in PIECE_OF.keys() - trained.keys():
+        if folder.resolve() != weights_folder("paper").resolve():
+            shutil.copy(weights_folder("paper") / f"{stage}.onnx", folder)
+    for stage, name in trained.items():
         picture = (3, setting.rows, 2 * setting.rows) if stage == "hdr" else (4, setting.side, setting.side)
         recipe = {"run": f"paper {name}", "steps": str(steps[stage][0]), "pairs": str(steps[stage][0] * setting.batch)}
         recipe |= {"config": json.dumps({**asdict(setting), **stored(runs, name)["piece"]})}
@@ -54,9 +60,12 @@ def export_chain(runs: Path, setting: Setting, folder: Path) -> dict[str, float]
         example = F.interpolate(coarse, size=picture[1:], mode="bilinear", align_corners=False)  # as smooth as photos
         pairs, path = {"input": {0: "n"}, "output": {0: "n"}}, folder / f"{stage}.onnx"
         differences[stage] = write_graph(
-            in_chain(net), {"input": example}, ("output",), said, path, tolerance=TOLERANCE, dynamic=pairs
+            nets[stage][0], {"input": example}, ("output",), said, path, tolerance=TOLERANCE, dynamic=pairs
         )
-        sizes[stage] = sum(weights.numel() for weights in net.parameters())
+    sizes = {
+        stage: sum(one.numel() for one in network_of(piece_named(name), setting).parameters())
+        for stage, name in PIECE_OF.items()
+    }
     rows = [
         f"| `{stage}.onnx` | {sizes[stage] / 1e6:.1f} M | {step:,} of {end:,} | {step * setting.batch:,} |"
         for stage, (step, end) in steps.items()

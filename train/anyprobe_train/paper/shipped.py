@@ -12,6 +12,8 @@ from anyprobe.estimate.runtime import STAGES, weights_folder
 from anyprobe.files.graphs import open_graph
 from anyprobe_train.paper.settings import Setting
 
+SIZES = {"side", "rows", "width", "code"}
+"""Fields of a setting that a network's layers depend on."""
 PIECE_OF = dict(zip(STAGES, ("irradiance_net", "ours", "hdr_net"), strict=True))
 """Each graph's piece."""
 
@@ -31,12 +33,12 @@ class ShippedNet(nn.Module):
 
 @lru_cache
 def shipped_net(name: str, setting: Setting) -> ShippedNet | None:
-    """Return a piece that ships; None where it does not, or is of another setting."""
+    """Return a piece that ships; None where it does not, or is of other sizes."""
     stage = next((stage for stage, piece in PIECE_OF.items() if piece == name), None)
     if stage is None:
         return None
     session = open_graph(weights_folder("paper") / f"{stage}.onnx", torch.get_num_threads())
     about = session.get_modelmeta().custom_metadata_map
     config = json.loads(about["config"])
-    is_same = all(config[key] == value for key, value in asdict(setting).items())
+    is_same = all(config[key] == value for key, value in asdict(setting).items() if key in SIZES)
     return ShippedNet(session, int(about["steps"])) if is_same else None

@@ -17,7 +17,7 @@ from anyprobe_train.evaluate.standard_errors import clustered_error
 from anyprobe_train.paper.networks import ln_of_scaled, scaled_ln
 from anyprobe_train.paper.open_tables import open_tables
 from anyprobe_train.paper.pairs import PaperPairs, balanced
-from anyprobe_train.paper.pieces import piece_named
+from anyprobe_train.paper.pieces import piece_named, steps_of
 from anyprobe_train.paper.scores import blocks
 from anyprobe_train.paper.settings import Setting
 from anyprobe_train.paper.sheets import as_pictures
@@ -63,7 +63,7 @@ def score_designs(runs: Path, setting: Setting, tables: Tables, mean_map: torch.
         name
         for name in (*DESIGNS, *AGAIN)
         if is_trained(piece_named(name), setting, runs)
-        or (not checkpoint_of(runs, name).is_file() and shipped_net(name, setting))
+        or (not checkpoint_of(runs, name).is_file() and _ships(name, setting))
     ]
     nets = {name: net_in_chain(setting, runs, name)[0] for name in ("irradiance_net", "hdr_net", *names)}
     which = balanced(tables, count, 1)
@@ -83,6 +83,12 @@ def score_designs(runs: Path, setting: Setting, tables: Tables, mean_map: torch.
         maps=[tables.maps[k] for k in which.map],
         shapes=[tables.shapes[k] for k in which.shape],
     )
+
+
+def _ships(name: str, setting: Setting) -> bool:
+    """Return whether a piece ships, trained with all steps of a setting."""
+    net = shipped_net(name, setting)
+    return net is not None and net.step >= steps_of(piece_named(name), setting)
 
 
 def _methods(nets: dict, pairs: PaperPairs, mean_map: torch.Tensor) -> Iterator[tuple[str, dict[str, torch.Tensor]]]:
@@ -123,7 +129,8 @@ def table(test: Rows, seen: Rows) -> str:
         numbers = [f"{own[0]:.2f}", f"{own[1]:.4f}", f"{own[2]:.3f}", f"{known[0]:.4f}", f"{known[1]:.3f}", *theirs]
         lines.append(f"| {method} | {STAGES[stage]} | " + " | ".join(numbers) + " |")
     steps = []
-    for worse, better in (*pairwise(DESIGNS), *pairwise(AGAIN), *zip(DESIGNS[1:], AGAIN, strict=False)):
+    scored = [name for name in DESIGNS if f"{name} ldr RMSE" in test.figures]
+    for worse, better in (*pairwise(scored), *pairwise(AGAIN), *zip(DESIGNS[1:], AGAIN, strict=False)):
         if not {f"{worse} ldr RMSE", f"{better} ldr RMSE"} <= test.figures.keys():
             continue
         gain = test.figures[f"{worse} ldr RMSE"] - test.figures[f"{better} ldr RMSE"]
