@@ -70,12 +70,17 @@ def export_chain(runs: Path, setting: Setting, folder: Path) -> dict[str, float]
         f"| `{stage}.onnx` | {sizes[stage] / 1e6:.1f} M | {step:,} of {end:,} | {step * setting.batch:,} |"
         for stage, (step, end) in steps.items()
     ]
+    named = next((name for name, known in SETTINGS.items() if known == setting), "full")
+    orders = [f"paper --data DATA --setting {named} --only {name}" for name in trained.values()]
+    if len(trained) == len(PIECE_OF):
+        orders = [f"run paper --data DATA --setting {named}"]
     about = json.loads((runs / "tables" / "train" / "about.json").read_text(encoding="utf-8"))
     scored = next((line for line in reversed(log_of(runs, "ours")) if "box rmse" in line), {})
     card = CARD.format(
         model=model_id(str(folder)),
         networks="\n".join(rows),
-        setting=next((name for name, known in SETTINGS.items() if known == setting), "full"),
+        setting=named,
+        recipe="\n".join(f"    anyprobe-train {one}" for one in orders),
         measured=sum(about["measured"]),
         others=len(about["maps"]) - sum(about["measured"]),
         shapes=len(about["shapes"]),
@@ -103,7 +108,7 @@ it takes the lens, pitch and roll alone.
 
 ## Recipe
 
-    anyprobe-train run paper --data DATA --setting {setting}
+{recipe}
     anyprobe-train paper --data DATA --setting {setting} --graphs src/anyprobe/weights/paper
 
 ## Data

@@ -48,7 +48,7 @@ SETTINGS = {
         table_pairs=16, log_every=2, score_every=4,
     ),
 }  # fmt: skip
-"""full: what is to be published. quarter: a quarter of its steps. short: a 24th, which ships. small: everything
+"""full: what is to be published. quarter: a quarter of its steps (`ours` ships). short: a 24th. small: everything
 within ten minutes of two cores. tiny: within a minute."""
 
 
