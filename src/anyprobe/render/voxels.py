@@ -113,7 +113,8 @@ def faces_around(mesh: Mesh) -> Int[np.ndarray, "F K"]:
     order, count = np.argsort(corner, kind="stable"), np.bincount(corner, minlength=len(mesh.positions))
     first = np.cumsum(count) - count
     turns = np.arange(count.max()) % np.maximum(count, 1)[:, None]
-    return (order[first[:, None] + turns] // 3)[mesh.faces].reshape(len(mesh.faces), -1)
+    faces = order.take(first[:, None] + turns, mode="clip") // 3  # of a corner without faces, any
+    return faces[mesh.faces].reshape(len(mesh.faces), -1)
 
 
 def first_hits(
