@@ -100,10 +100,12 @@ def rays_through(part: Part, camera: PinholeCamera) -> tuple[np.ndarray, np.ndar
 
 
 def _strips(mask: np.ndarray) -> Iterator[Part]:
-    """Yield the part of a photo within a mask's longer side of it in strips of at most STRIP_PX pixels, a row at
-    least: no disc of the mask's area reaches beyond."""
+    """Yield the part of a photo around a mask in strips of at most STRIP_PX pixels, a row at least.
+
+    A disc of area A around the mask's mean reaches sqrt(A / pi) - A / (2 side) beyond its box, side / 2 pi at most.
+    """
     (height, width), (x0, y0, x1, y1) = mask.shape, object_box(mask > 0.0)
-    reach = max(x1 - x0, y1 - y0)
+    reach = max(x1 - x0, y1 - y0) // 4 + 1
     columns, bottom = slice(max(x0 - reach, 0), min(x1 + reach, width)), min(y1 + reach, height)
     step = max(1, STRIP_PX // (columns.stop - columns.start))
     for top in range(max(y0 - reach, 0), bottom, step):
