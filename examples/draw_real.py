@@ -80,7 +80,8 @@ def draw(scene: Scene) -> None:
     around = light.panorama(256, frame="camera", lit=True).radiance * np.float32(least_scale(before, light.radiance))
     after = before
     for material, foot in scene.spheres.items():
-        arrangement = Arrangement(size=scene.scale, at=foot, ground=light.ground)
+        seen = {"ground": light.ground, "long_fov_deg": light.origin.long_fov_deg}
+        arrangement = Arrangement(size=scene.scale, at=foot, likely=light.dominant_light().exists, **seen)
         stage = Stage(after, open_object("sphere"), arrangement)
         after = replace(after, rgb=stage.relit(around, material))
     panels = [_fitted(one.rgb, scene.shown, WIDTH) for one in (before, after)]
