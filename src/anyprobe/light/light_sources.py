@@ -37,7 +37,8 @@ SAME = np.cos(np.radians(RULES["most_radius_deg"]))
 """Cosine of the angle within which a source that a network said is the one found."""
 LEAST_EDGE = float(np.cos(np.radians(RULES["least_edge_deg"])))
 LIKELY_DEG, MOST_LIKELY = 30.0, 0.99
-"""Distance from a source's direction that its probability speaks of, and the largest that is believed."""
+"""A source farther than this from its direction is not the one that is said to exist; and the largest probability of
+that which is believed."""
 ERROR: dict[str, float] = RULES["error"]
 """Numbers of direction_error for a map alone; the networks state theirs."""
 

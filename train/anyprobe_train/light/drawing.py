@@ -26,8 +26,6 @@ EDGE_DEG = 1.5
 """Half width of a drawn source's soft edge [degrees]: half a pixel."""
 LEAST_DEG, MOST_DEG = 2.0, 60.0
 """Radii that sources are drawn with."""
-NEAR_DEG = 30.0
-"""A source that is farther from its stated direction is not the one that is said to exist."""
 LN_MOST = 9.0
 """Largest logarithm of a power or a radiance."""
 

@@ -11,11 +11,10 @@ import numpy as np
 import torch
 
 from anyprobe.core.response import response
-from anyprobe.light.light_sources import find_dominant_light, find_sources
+from anyprobe.light.light_sources import LIKELY_DEG, find_dominant_light, find_sources
 from anyprobe_train.evaluate.metrics import direction_error_deg, false_sources, power_ratio_stops, rmse
 from anyprobe_train.evaluate.scoring import dominant_light_share
 from anyprobe_train.light.both_ways import both_ways
-from anyprobe_train.light.drawing import NEAR_DEG
 from anyprobe_train.light.network import LeanNet, LightAnswer, LightInputs
 from anyprobe_train.light.pictured import LightTruth, seen_again, tensors_of, without_object
 from anyprobe_train.world.batch import PHOTO_FAMILIES, LightBatch, World, fieldwise, make_batch
@@ -49,7 +48,7 @@ def rows_of(net: LeanNet, inputs: LightInputs, truth: LightTruth) -> Iterator[di
     at = 0
     for guess in answers(net, inputs):
         maps = torch.exp(guess.ln_radiance).permute(0, 2, 3, 1).cpu().numpy()
-        likely = net.drawing.likely(guess.places, guess.directions, guess.exists, NEAR_DEG)
+        likely = net.drawing.likely(guess.places, guess.directions, guess.exists, LIKELY_DEG)
         sources = torch.cat([likely[..., None], guess.directions], dim=2).cpu().numpy()
         pitch = np.degrees(np.arcsin(truth.up[:, 2].cpu().numpy().clip(-1, 1)))
         for k, ours in enumerate(maps):

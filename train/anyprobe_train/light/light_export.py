@@ -15,8 +15,9 @@ from anyprobe.core.color import REC709
 from anyprobe.core.contract import contract
 from anyprobe.estimate.light_graph import INPUTS, OUTPUTS, PLACE, SEEN_CONFIDENCE, graph_inputs
 from anyprobe.estimate.runtime import CONTRACT
+from anyprobe.light.light_sources import LIKELY_DEG
 from anyprobe_train.light.both_ways import both_ways
-from anyprobe_train.light.drawing import NEAR_DEG, power_of
+from anyprobe_train.light.drawing import power_of
 from anyprobe_train.light.given import SHORTEST, Framed, Given, framed
 from anyprobe_train.light.light_views import LightViews, given_normals
 from anyprobe_train.light.network import LeanNet, LightAnswer
@@ -98,7 +99,7 @@ class LeanGraph(nn.Module):
 
     def _sources(self, answer: LightAnswer) -> torch.Tensor:
         """Return sources [S, 8], the strongest first."""
-        there = self.net.drawing.likely(answer.places, answer.directions, answer.exists, NEAR_DEG)[0]
+        there = self.net.drawing.likely(answer.places, answer.directions, answer.exists, LIKELY_DEG)[0]
         powers, radius = power_of(answer.ln_powers[0]), torch.exp(answer.ln_radius[0])[:, None]
         rows = torch.cat([there[:, None], answer.directions[0], radius, powers], dim=1)
         strength = torch.sigmoid(answer.exists[0]) * (powers @ torch.tensor(REC709))
